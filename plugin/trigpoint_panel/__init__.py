@@ -1,0 +1,1 @@
+"""The desktop panel for picking and review."""

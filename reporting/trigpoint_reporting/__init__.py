@@ -1,0 +1,1 @@
+"""An audit becomes something to read: the command line, and the report."""

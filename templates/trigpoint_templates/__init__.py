@@ -1,0 +1,1 @@
+"""Report templates, style sheets and fonts: data only, behind this one door."""
