@@ -1,0 +1,70 @@
+# make demo   the clock tower: three clouds and six picks in, one measured similarity out
+# make test   everything that can be checked here
+# make lint   style, types and the direction of imports
+# make bench  time and memory, beside what a user would use instead
+
+PYTHON ?= python3
+VENV ?= .venv
+DEMO ?= demo
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip install --disable-pip-version-check --quiet
+
+# Open3D, an independent implementation that the tests compare with, draws: it needs these to load.
+TEST_LIBRARIES = libGL.so.1:libgl1 libEGL.so.1:libegl1 libgomp.so.1:libgomp1 libX11.so.6:libx11-6
+
+.PHONY: help demo test lint bench clean
+help:
+	@sed -n '1,4s/^# //p' Makefile
+
+demo: $(VENV)/.installed
+	$(BIN)/trigpoint demo --out $(DEMO)
+
+test: lint
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.installed-dev
+	$(BIN)/python tests/benchmarks/run.py
+
+clean:
+	rm -rf $(VENV) build dist $(DEMO)
+
+# A system package is installed where it is missing and the user may; otherwise it is named.
+define install_system_packages
+	if [ -n "$$missing" ]; then \
+	  if [ "$$(id -u)" = 0 ]; then as=""; elif sudo -n true 2>/dev/null; then as="sudo"; else as="no"; fi; \
+	  if [ "$$as" != no ] && command -v apt-get >/dev/null; then \
+	    $$as apt-get update -qq && DEBIAN_FRONTEND=noninteractive $$as apt-get install -y -qq --no-install-recommends $$missing >/dev/null; \
+	  else \
+	    echo "Missing system packages:$$missing. Please install them (on Debian: apt-get install$$missing)." >&2; $(1); \
+	  fi; \
+	fi
+endef
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "trigpoint needs Python 3.11 or later; $(PYTHON) is $$($(PYTHON) --version 2>&1). Say which: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@missing=""; $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	  missing=" $$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')"; \
+	$(call install_system_packages,exit 1)
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	$(PIP) -e .
+	@touch $@
+
+# What has no wheel on this machine is left out: its tests skip and say so.
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	@missing=""; for pair in $(TEST_LIBRARIES); do \
+	  PATH="$$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep -q "$${pair%%:*}" || missing="$$missing $${pair##*:}"; \
+	done; $(call install_system_packages,echo "The comparisons with Open3D are skipped." >&2)
+	$(PIP) -e ".[dev]"
+	@for oracle in $$($(BIN)/python -c 'import tomllib; print(*(r.split(";")[0].replace(" ", "") for r in tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"]))'); do \
+	  $(PIP) --only-binary :all: "$$oracle" || echo "No wheel of $$oracle here: its comparisons are skipped." >&2; \
+	done
+	@touch $@ $(VENV)/.installed
