@@ -1,0 +1,99 @@
+"""A new project's folder: a commented project.toml, an empty picks.csv, and where things go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from trigpoint.canonical import write_text
+from trigpoint.errors import ProjectError
+
+PROJECT = """\
+# A trigpoint project. Paths are relative to this file and stay in its folder, or are absolute.
+# Run it with: trigpoint audit project.toml
+
+[project]
+id = "my-building"            # becomes the name of the bundle
+title = ""
+site = ""
+client = ""
+surveyor = ""
+organisation = ""
+purpose = ""
+limitations = ""              # in a person's words; printed in the report
+status = "draft"              # draft or issued; what is issued is never overwritten
+revision = 1
+# date = 2026-09-21           # of the report; an issued one needs it
+
+[reference]                   # the georeferenced cloud that everything is measured against
+path = "reference.laz"
+name = "ALS"
+crs = ""                      # assigned, never reprojected; empty: what the file says
+vertical_crs = ""             # such as EPSG:5703; empty: what the file says
+captured = ""
+# accuracy_m = 0.05           # and where that number comes from:
+accuracy_source = ""
+region = ""                   # a polygon file; empty: the reference's extent and the margin
+
+[[reconstruction]]            # a cloud in its own frame has picks
+name = "nerf"
+kind = "neural"               # neural or photogrammetry
+path = "nerf.ply"
+picks = "picks.csv"
+
+# [[reconstruction]]          # a cloud that is already in the reference's CRS has none
+# name = "sfm"
+# kind = "photogrammetry"
+# path = "sfm.laz"
+
+[alignment]
+method = "ransac"             # ransac, exhaustive (every set of three picks), or all (no consensus)
+threshold_m = 0.50            # a pick is an inlier within this distance
+trials = 10000
+seed = 42
+weighted = false              # true: weight by the picks' sigmas
+
+[comparison]
+voxel_m = 0.10                # 0: no thinning
+within_m = [0.05, 0.10, 0.20]
+zones = [0.33, 0.66]          # cuts of the reference's height range
+margin_m = 1.0                # around the reference's extent; "none": no crop
+icp = true                    # try rigid ICP, and say whether it helps
+intervals = true
+
+# [[cross_check]]             # two points of the neural cloud a known length apart; enters no fit
+# kind = "scale_bar"
+# from = [0, 0, 0]
+# to = [1, 0, 0]
+# length_m = 3.2
+# sigma_m = 0.005
+
+# [[limit]]                   # your own limits; with none the verdict is NOT TESTED
+# quantity = "loocv.rmse_m"   # a number of results.json, below its reconstruction
+# of = "nerf"
+# max = 0.25                  # or min
+# source = "brief, clause 4"
+"""
+
+PICKS = (
+    "id,source_x,source_y,source_z,target_x,target_y,target_z,role,sigma_source,sigma_target,note\n"
+)
+
+
+def start_project(folder: str | Path) -> tuple[Path, ...]:
+    """Write the files of a new project into a folder, and say which.
+
+    Raises
+    ------
+    ProjectError
+        If one of them is already there: nothing is overwritten.
+    """
+    folder = Path(folder)
+    written = {folder / "project.toml": PROJECT, folder / "picks.csv": PICKS}
+    for path in written:
+        if path.exists():
+            message = f"{path} is already there; a new project needs a folder without one."
+            raise ProjectError(message)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, text in written.items():
+        write_text(path, text)
+    return tuple(written)
