@@ -24,14 +24,17 @@ Code = Literal[
     "picks_rejected",  # the consensus left some control picks out
     "consensus_disagrees",  # sampled and exhaustive consensus differ
     "consensus_ambiguous",  # another consensus of the same size exists
+    "fold_failed",  # leave-one-out impossible without some pick
     "weak_geometry",
     "blunder_suspected",
+    "sigmas_doubtful",  # stated with some picks only, or the residuals contradict them
     "source_noise_dominates",  # picking in the source frame dominates the error
     "threshold_below_voxel",
     "zone_empty",
     "region_mostly_empty",  # the region crop left little of a reconstruction
     "raw_not_measured",  # too many points for unthinned shares
     "icp_not_retained",
+    "icp_not_converged",  # it was still moving when its iterations ran out
     "cross_check_disagrees",
     "scale_implausible",
 ]
