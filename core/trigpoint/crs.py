@@ -17,9 +17,21 @@ import numpy as np
 import pyproj
 from numpy.typing import ArrayLike, NDArray
 from pyproj.crs import CompoundCRS
-from pyproj.exceptions import CRSError, ProjError
+from pyproj.exceptions import CRSError
 
 from trigpoint.cautions import Caution
+from trigpoint.crsparts import (
+    axis_units,
+    crs_code,
+    datum_ensemble,
+    grid_factors,
+    has_height,
+    lonlat,
+    mean_radius,
+    split_crs,
+    stray_deg,
+    vertical_datum,
+)
 from trigpoint.errors import CrsError
 from trigpoint.geokeys import keyed_crs
 
@@ -29,8 +41,6 @@ GRID_MM = 10.0
 STRAY_DEG = 1.0
 # Two records of one header that place the site further apart than this, in metres, disagree.
 APART_M = 1.0
-
-_NAMELESS = frozenset({"unknown", "unnamed", "not specified", "not_specified", "undefined"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,15 +185,16 @@ def header_crs(
         return None, tuple(cautions or [missing])
 
     if len(found) == 2 and (apart := _apart(found[0], found[1], extent)) > APART_M:
+        distance = f"{apart:,.0f} m apart" if math.isfinite(apart) else "on no common ground"
         message = (
             f"WKT ({found[0].name}) and GeoTIFF keys ({found[1].name}) of the header place the "
-            f"coordinates {apart:,.0f} m apart: name the right one with --crs."
+            f"coordinates {distance}: name the right one with --crs."
         )
         cautions.append(Caution("crs_conflict", message))
     crs = next((each for each in found if not _misfit(each, extent)), found[0])
     if doubt := _misfit(crs, extent):
         cautions.append(Caution("crs_doubtful", doubt))
-    believed = not (doubt and _parts(crs)[0].is_geographic)
+    believed = not (doubt and split_crs(crs)[0].is_geographic)
     return (crs if believed else None), tuple(cautions)
 
 
@@ -207,15 +218,15 @@ def metre_factors(crs: pyproj.CRS | None) -> NDArray[np.float64]:
         return np.ones(3)
     if refusal := _refusal(crs):
         raise CrsError(refusal)
-    return np.array([factor for _, factor in _units(crs)])
+    return np.array([factor for _, factor in axis_units(crs)])
 
 
 def conversion_cautions(crs: pyproj.CRS | None) -> tuple[Caution, ...]:
     """Say which axes of a CRS are not in metres, as `units_converted`; empty if all are."""
     if crs is None or _refusal(crs) or (metre_factors(crs) == 1).all():
         return ()
-    (plan, plan_factor), _, (height, height_factor) = _units(crs)
-    assumed = "" if _has_height(crs) else ", assumed: the CRS names no unit for them"
+    (plan, plan_factor), _, (height, height_factor) = axis_units(crs)
+    assumed = "" if has_height(crs) else ", assumed: the CRS names no unit for them"
     message = (
         f"{crs.name}: easting and northing were converted to metres from {plan} "
         f"({plan_factor:.10g} m), heights from {height} ({height_factor:.10g} m{assumed})."
@@ -251,26 +262,26 @@ def describe_crs(crs: pyproj.CRS | None, *, at: ArrayLike) -> CrsReport:
     if crs is None:
         caution = Caution("crs_missing", "there is no CRS: coordinates are taken as metres.")
         return CrsReport("none", None, ("metre",) * 3, np.ones(3), cautions=(caution,))
-    horizontal, _ = _parts(crs)
+    horizontal, _ = split_crs(crs)
     easting, northing, height = np.asarray(at, np.float64)
     refusal = _refusal(crs)
-    units = _units(crs)
+    units = axis_units(crs)
     to_metre = np.full(3, np.nan) if refusal else np.array([factor for _, factor in units])
-    longitude, latitude = _site(horizontal, easting / to_metre[0], northing / to_metre[1])
-    scale, convergence = _grid(horizontal, longitude, latitude)
-    effect = -height / _mean_radius(horizontal, latitude)
+    longitude, latitude = lonlat(horizontal, easting / to_metre[0], northing / to_metre[1])
+    scale, convergence = grid_factors(horizontal, longitude, latitude)
+    effect = -height / mean_radius(horizontal, latitude)
     combined = scale * (1 + effect)
-    stray = _stray(horizontal, longitude, latitude)
-    is_ensemble, accuracy = _ensemble(horizontal)
+    stray = stray_deg(horizontal, longitude, latitude) if np.isfinite(at).all() else math.nan
+    is_ensemble, accuracy = datum_ensemble(horizontal)
     report = CrsReport(
         name=crs.name,
-        code=_code(crs),
+        code=crs_code(crs),
         units=(units[0][0], units[1][0], units[2][0]),
         to_metre=to_metre,
         datum=horizontal.datum.name if horizontal.datum else None,
         is_ensemble=is_ensemble,
         ensemble_accuracy_m=accuracy,
-        vertical_datum=_vertical_datum(crs),
+        vertical_datum=vertical_datum(crs),
         longitude_deg=longitude,
         latitude_deg=latitude,
         in_area_of_use=None if math.isnan(stray) else stray == 0,
@@ -287,10 +298,9 @@ def describe_crs(crs: pyproj.CRS | None, *, at: ArrayLike) -> CrsReport:
 def _doubts(report: CrsReport, horizontal: pyproj.CRS) -> list[Caution]:
     doubts = []
     if report.in_area_of_use is False:
-        message = (
-            f"{report.name}: the site at longitude {report.longitude_deg:.3f}, latitude "
-            f"{report.latitude_deg:.3f} lies outside its area of use."
-        )
+        place = f"longitude {report.longitude_deg:.3f}, latitude {report.latitude_deg:.3f}"
+        place = "no longitude and latitude" if math.isnan(report.longitude_deg) else place
+        message = f"{report.name}: the site, at {place}, lies outside its area of use."
         doubts.append(Caution("crs_doubtful", message))
     turned = [a.direction for a in horizontal.axis_info if a.direction in ("west", "south")]
     if len(set(turned)) == 2:
@@ -337,20 +347,10 @@ def _parse(text: str | pyproj.CRS | None) -> pyproj.CRS | None:
         raise CrsError(message) from None
 
 
-def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
-    """Split into horizontal and vertical, without the datum shifts that old WKT drags along."""
-    parts = [_unbound(part) for part in _unbound(crs).sub_crs_list] or [_unbound(crs)]
-    return parts[0], parts[1] if len(parts) > 1 else None
-
-
-def _unbound(crs: pyproj.CRS) -> pyproj.CRS:
-    return crs.source_crs if crs.is_bound and crs.source_crs else crs
-
-
 def _refusal(crs: pyproj.CRS) -> str:
     """Say why lengths and heights can't be had in a CRS; empty if they can."""
-    horizontal, _ = _parts(crs)
-    unit = _units(crs)[0][0]
+    horizontal, _ = split_crs(crs)
+    unit = axis_units(crs)[0][0]
     if horizontal.is_geographic or unit in ("degree", "grad", "radian"):
         reason = f"counts in {unit}s, not in lengths: it is refused for metric work"
     elif horizontal.is_geocentric:
@@ -362,101 +362,15 @@ def _refusal(crs: pyproj.CRS) -> str:
     return f"{crs.name} {reason}. Use a projected CRS, such as the UTM zone of the site."
 
 
-def _units(crs: pyproj.CRS) -> tuple[tuple[str, float], ...]:
-    """Name and metres per unit of easting, northing and height."""
-    horizontal, vertical = _parts(crs)
-    axes = sorted(horizontal.axis_info[:2], key=lambda axis: axis.direction in ("north", "south"))
-    axes = [*axes, axes[0]][:2] if len(axes) < 2 else axes
-    heights = [*horizontal.axis_info[2:], *(vertical.axis_info if vertical else []), axes[0]]
-    return tuple(
-        (axis.unit_name, axis.unit_conversion_factor) for axis in (axes[0], axes[1], heights[0])
-    )
-
-
-def _has_height(crs: pyproj.CRS) -> bool:
-    horizontal, vertical = _parts(crs)
-    return vertical is not None or len(horizontal.axis_info) > 2
-
-
-def _vertical_datum(crs: pyproj.CRS) -> str | None:
-    horizontal, vertical = _parts(crs)
-    if vertical is None:
-        return "ellipsoid" if _has_height(crs) and horizontal.ellipsoid else None
-    known = vertical.datum is not None and vertical.datum.name.lower() not in _NAMELESS
-    return vertical.datum.name if vertical.datum and known else None
-
-
-def _code(crs: pyproj.CRS) -> str | None:
-    if crs.to_authority() is not None:
-        return ":".join(crs.to_authority())
-    codes = [part.to_authority() for part in _parts(crs) if part]
-    if not codes or None in codes:
-        return None
-    return "+".join([":".join(codes[0]), *(code for _, code in codes[1:])])
-
-
-def _ensemble(horizontal: pyproj.CRS) -> tuple[bool, float]:
-    base = horizontal.geodetic_crs
-    if base is None:
-        return False, math.nan
-    # WKT 1 can't say ensemble: ask the register about what it names.
-    authority = base.to_authority()
-    base = pyproj.CRS.from_authority(*authority) if authority else base
-    ensemble = base.to_json_dict().get("datum_ensemble")
-    return ensemble is not None, float(ensemble["accuracy"]) if ensemble else math.nan
-
-
-def _site(horizontal: pyproj.CRS, easting: float, northing: float) -> tuple[float, float]:
-    """Longitude and latitude of coordinates in the CRS's own units; NaN where there is none."""
-    if horizontal.is_geographic:
-        return easting, northing
-    try:
-        lonlat = pyproj.Proj(horizontal)(easting, northing, inverse=True)
-    except (CRSError, ProjError):
-        return math.nan, math.nan
-    return (lonlat[0], lonlat[1]) if np.isfinite(lonlat).all() else (math.nan, math.nan)
-
-
-def _grid(horizontal: pyproj.CRS, longitude: float, latitude: float) -> tuple[float, float]:
-    """Point scale factor and convergence in degrees."""
-    if not horizontal.is_projected or math.isnan(longitude):
-        return math.nan, math.nan
-    factors = pyproj.Proj(horizontal).get_factors(longitude, latitude)
-    return math.sqrt(factors.areal_scale), factors.meridian_convergence
-
-
-def _mean_radius(horizontal: pyproj.CRS, latitude: float) -> float:
-    """Gaussian mean radius of curvature, the root of the two principal ones' product."""
-    if horizontal.ellipsoid is None:
-        return math.nan
-    a, b = horizontal.ellipsoid.semi_major_metre, horizontal.ellipsoid.semi_minor_metre
-    e2 = 1 - (b / a) ** 2
-    return a * math.sqrt(1 - e2) / (1 - e2 * math.sin(math.radians(latitude)) ** 2)
-
-
-def _stray(horizontal: pyproj.CRS, longitude: float, latitude: float) -> float:
-    """Degrees that a site lies outside the area of use; NaN if either is not known."""
-    authority = horizontal.to_authority()
-    named = pyproj.CRS.from_authority(*authority) if authority else horizontal
-    area = horizontal.area_of_use or named.area_of_use
-    if area is None or math.isnan(longitude):
-        return math.nan
-    # East of the western edge, counted eastward, so that areas may cross the antimeridian.
-    width = (area.east - area.west) % 360 or 360.0
-    eastward = (longitude - area.west) % 360
-    beside = max(0.0, min(eastward - width, 360 - eastward))
-    return max(beside, area.south - latitude, latitude - area.north, 0.0)
-
-
 def _misfit(crs: pyproj.CRS, extent: NDArray[np.float64]) -> str:
     """Say how a CRS does not fit coordinates in its units, of shape (2, 3); empty if it does."""
-    horizontal, _ = _parts(crs)
+    horizontal, _ = split_crs(crs)
     reach = np.abs(extent).max(axis=0)
     if not np.isfinite(extent).all():
         return ""
     if horizontal.is_geographic:
-        # Longitudes may run to 360.
-        beyond = reach[0] > 360 or reach[1] > 90
+        # Longitudes may run to 360, and may stand in either column.
+        beyond = reach[:2].max() > 360
         return (
             f"the header says {crs.name} ({horizontal.axis_info[0].unit_name}s), but its "
             f"coordinates reach {reach[0]:,.0f}, {reach[1]:,.0f}: it is not believed, and they "
@@ -465,10 +379,11 @@ def _misfit(crs: pyproj.CRS, extent: NDArray[np.float64]) -> str:
             else ""
         )
     centre = extent.mean(axis=0)
-    stray = _stray(horizontal, *_site(horizontal, centre[0], centre[1]))
+    stray = stray_deg(horizontal, *lonlat(horizontal, centre[0], centre[1]))
+    where = f"{stray:.1f} degrees outside its area of use" if math.isfinite(stray) else "nowhere"
     return (
         f"the header says {crs.name}, but coordinates about {centre[0]:,.0f}, {centre[1]:,.0f} "
-        f"lie {stray:.1f} degrees outside its area of use: name the right CRS with --crs."
+        f"lie {where}: name the right CRS with --crs."
         if stray > STRAY_DEG
         else ""
     )
@@ -476,8 +391,9 @@ def _misfit(crs: pyproj.CRS, extent: NDArray[np.float64]) -> str:
 
 def _apart(one: pyproj.CRS, other: pyproj.CRS, extent: NDArray[np.float64]) -> float:
     """Metres between the places where two CRSs put the middle of the extent."""
-    centre = extent.mean(axis=0)
-    places = [_site(_parts(crs)[0], centre[0], centre[1]) for crs in (one, other)]
-    if not np.isfinite(places).all():
+    if not np.isfinite(extent).all():
         return 0.0
-    return float(pyproj.Geod(ellps="GRS80").inv(*places[0], *places[1])[2])
+    centre = extent.mean(axis=0)
+    places = [lonlat(split_crs(crs)[0], centre[0], centre[1]) for crs in (one, other)]
+    metres = float(pyproj.Geod(ellps="GRS80").inv(*places[0], *places[1])[2])
+    return math.inf if math.isnan(metres) else metres
