@@ -122,7 +122,7 @@ def lattice_order(points: Points) -> NDArray[np.intp] | None:
     cell = np.zeros(len(points), np.uint16)
     for axis in range(3):
         step = points[:, axis] - low[axis]
-        step *= steps / max(high[axis] - low[axis], np.finfo(float).tiny * steps)
+        step *= steps / max(high[axis] - low[axis], 1e-9)  # a nanometre: a plane has no thickness
         cell <<= BITS
         cell |= np.clip(step, 0, steps - 1, out=step).astype(np.uint16)
     if np.count_nonzero(cell[1:] != cell[:-1]) <= JUMPS * len(cell):
