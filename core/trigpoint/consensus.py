@@ -39,8 +39,9 @@ class Consensus:
     similarity : Similarity
         Least-squares fit to the inliers.
     inliers : ndarray of shape (n,)
-        True where the 3D residual under `similarity` is at most `threshold`. Under
-        `no_consensus` all are True.
+        True where the 3D residual under `similarity` is at most `threshold`. (Weights can send
+        the reclassifying in circles; then a pick within it may be left out.) Under `no_consensus`
+        all are True.
     method : str
         "ransac", "exhaustive", or "all" for no consensus.
     threshold : float or None
