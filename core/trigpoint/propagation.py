@@ -56,9 +56,8 @@ def matrix_covariance(
 ) -> NDArray[np.float64]:
     """Return the covariance of the twelve numbers of ``target = m @ (source - reference) + shift``.
 
-    This is the `Cxx` that py4dgeo's M3C2-EP takes: m11, m12, ... m33, then the shift. The shift
-    is where the reference point goes, less the point itself where the caller's convention says so;
-    its covariance is the same.
+    In the order m11, m12, ... m33, shift: that of py4dgeo's M3C2-EP, which adds the reference to
+    the shift afterwards, and so has the same covariance.
 
     Parameters
     ----------

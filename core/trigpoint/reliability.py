@@ -112,11 +112,16 @@ class Reliability:
         """Return the covariance (n, 3, 3) in m² of points of the target frame."""
         return covariance_at(points, self.centroid, self.covariance)
 
-    def matrix_covariance(self, reference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the covariance (12, 12) of the matrix, as `propagation` says."""
-        return matrix_covariance(
-            self.similarity, self.centroid, self.covariance, reference=reference
-        )
+    def m3c2_covariance(self, reference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the covariance (12, 12) that M3C2-EP propagates, for the georeferenced cloud.
+
+        M3C2-EP takes a 3x4 matrix that carries its second epoch. Give it the cloud that the
+        similarity has georeferenced, the unit matrix, this covariance as `Cxx` and `reference`
+        (a point of the target frame, such as `centroid`) as `refPointMov`. py4dgeo looks its
+        neighbours up before it moves them, so the similarity itself can't be the matrix.
+        """
+        still = Similarity(1.0, np.eye(3), np.zeros(3))
+        return matrix_covariance(still, self.centroid, self.covariance, reference=reference)
 
 
 def assess(
@@ -208,7 +213,7 @@ def assess(
     picks.insert(0, "position", np.arange(count))
 
     corners, extrapolation = _corners(extent, target, adjustment.centroid, covariance)
-    corner = float(np.nanmax(corners.filter(like="sigma").to_numpy(), initial=0.0))
+    corner = float(corners.to_numpy()[:, 3:].max(initial=0.0))
     geometry = judge(
         source[order],
         target[order],
