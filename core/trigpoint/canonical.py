@@ -20,7 +20,9 @@ LENGTHS = frozenset({"translation", "x", "y", "z", "from", "to", "low", "high"})
 
 
 def plain(value: Any, key: str = "") -> Any:
-    """Return a value as JSON has it: lengths to 1e-9 m, other numbers to 1e-12, NaN as None.
+    """Return a value as JSON has it: lengths to 1e-9 m, others to 1e-12, NaN as None.
+
+    A covariance keeps twelve significant digits instead.
 
     Parameters
     ----------
@@ -50,6 +52,8 @@ def plain(value: Any, key: str = "") -> Any:
         number = float(value)
         if not math.isfinite(number):
             return None
+        if key == "covariance":  # of squares so small that decimal places would lose them
+            return float(f"{number:.{OTHER_DIGITS - 1}e}") + 0.0
         digits = LENGTH_DIGITS if key.endswith("_m") or key in LENGTHS else OTHER_DIGITS
         return round(number, digits) + 0.0  # no negative zero
     return None if value is None else str(value)

@@ -1,0 +1,75 @@
+import hashlib
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from trigpoint.delivery import sha256, whole_folder, write_csv
+
+
+def contents(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_a_folder_is_replaced_by_a_whole_one(tmp_path):
+    for text in ("first", "second"):
+        with whole_folder(tmp_path / "out" / "tower-r1") as draft:
+            (draft / "data").mkdir()
+            (draft / "data" / "a.txt").write_text(text)
+    assert contents(tmp_path) == {"out/tower-r1/data/a.txt": "second"}
+
+
+def test_a_failure_leaves_the_previous_folder_and_nothing_else(tmp_path):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("half")
+        raise KeyboardInterrupt
+    assert contents(tmp_path) == {"r1/a.txt": "first"}
+
+
+def test_a_kill_leaves_the_previous_folder_whole_and_the_next_run_cleans_up(tmp_path):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+    code = (
+        "import pathlib, sys, time\n"
+        "from trigpoint.delivery import whole_folder\n"
+        "with whole_folder(pathlib.Path(sys.argv[1])) as draft:\n"
+        "    (draft / 'a.txt').write_text('half')\n"
+        "    print('writing', flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "r1")], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "writing\n"
+        process.send_signal(signal.SIGKILL)
+    assert contents(tmp_path / "r1") == {"a.txt": "first"}
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("second")
+    assert contents(tmp_path) == {"r1/a.txt": "second"}
+
+
+def test_a_kill_between_the_two_renames_is_undone(tmp_path):
+    (tmp_path / ".r1.previous").mkdir()
+    (tmp_path / ".r1.previous" / "a.txt").write_text("first")
+    with pytest.raises(ValueError, match="no"), whole_folder(tmp_path / "r1"):
+        raise ValueError("no")
+    assert contents(tmp_path) == {"r1/a.txt": "first"}
+
+
+def test_csv_holds_what_results_hold(tmp_path):
+    write_csv(
+        tmp_path / "a.csv", [{"id": 'a,"b"', "d_m": 0.1234567891234, "p": float("nan"), "ok": True}]
+    )
+    assert (tmp_path / "a.csv").read_bytes() == b'id,d_m,p,ok\n"a,""b""",0.123456789,,True\n'
+
+
+def test_a_hash_is_that_of_the_bytes(tmp_path):
+    (tmp_path / "a").write_bytes(b"trig")
+    assert sha256(tmp_path / "a") == hashlib.sha256(b"trig").hexdigest()
