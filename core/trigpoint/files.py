@@ -328,9 +328,14 @@ def _backend(name: str, path: Path) -> Any:
 
 @contextmanager
 def _named(path: Path, faults: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Turn what a library says about a broken file into one error that names the file."""
+    """Turn what is said about a broken file into one error that names the file."""
     try:
         yield
+    except CloudError as error:
+        if path.name in str(error):
+            raise
+        message = f"{path.name}: {error}"
+        raise CloudError(message) from error
     except TrigpointError:
         raise
     except faults as error:

@@ -49,20 +49,16 @@ def opened(path: Path) -> Source:
             if file.root.isDefined("coordinateMetadata")
             else ""
         )
-        bounds = [_corners(scan.node) for scan in scans]
-    known = [(s, c) for s, c in zip(scans, bounds, strict=True) if c is not None]
-    corners = (
-        np.concatenate([scan.pose(c) for scan, c in known]) if known else np.full((1, 3), np.nan)
-    )
-    crs, cautions = header_crs(text, None, corners.min(axis=0), corners.max(axis=0))
-    single = [float(np.spacing(np.float32(np.abs(c).max()))) for scan, c in known if scan.is_single]
+        places = np.concatenate([scan.places for scan in scans])
+        steps = [scan.step for scan in scans]
+    crs, cautions = header_crs(text, None, places.min(axis=0), places.max(axis=0))
     types = _types(scans)
     return Source(
         format="E57",
         chunks=partial(_chunks, path, types),
         attributes=tuple(types),
         points=sum(scan.points for scan in scans),
-        step=np.full(3, max(single)) if single else None,
+        step=np.full(3, max(steps)),
         crs=crs,
         scans=len(scans),
         cautions=cautions,
@@ -85,11 +81,14 @@ class _Scan:
             message = f"scan {index + 1} has {', '.join(self.types)}: it needs coordinates."
             raise CloudError(message)
         self.types |= dict.fromkeys(self.axes, np.dtype(np.float64))
-        self.is_single = _dtype(prototype[self.axes[0]]) == np.float32
+        self.step = max(_step(prototype[axis]) for axis in self.axes)
         self.invalid = (
             "cartesianInvalidState" if self.axes == _CARTESIAN else "sphericalInvalidState"
         )
         self.pose = _pose(node)
+        # Programs disagree on the frame of the bounds where there is a pose.
+        posed = self.pose.translation.any()
+        self.places = self.pose.translation[None, :] if posed else _corners(node)
 
     @property
     def attributes(self) -> dict[str, np.dtype[Any]]:
@@ -180,10 +179,19 @@ def _cartesian(columns: list[NDArray[Any]], axes: tuple[str, str, str]) -> Point
     return np.column_stack([level * np.cos(second), level * np.sin(second), first * np.sin(third)])
 
 
-def _corners(node: Any) -> Points | None:
-    """Corners of the scan's bounds in its own frame, shape (8, 3)."""
+def _step(node: Any) -> float:
+    """Return the spacing of single precision at the largest coordinate; 0 for anything finer."""
+    if _dtype(node) != np.float32:
+        return 0.0
+    reach = np.float32(max(abs(node.minimum()), abs(node.maximum())))
+    # Without bounds of its own the node has those of its type.
+    return 0.0 if reach >= np.finfo(np.float32).max else float(np.spacing(reach))
+
+
+def _corners(node: Any) -> Points:
+    """Lowest and highest corner of the scan's bounds, shape (2, 3); NaN if it states none."""
     if not node.isDefined("cartesianBounds"):
-        return None
+        return np.full((2, 3), np.nan)
     bounds = node["cartesianBounds"]
-    ends = [[bounds[f"{axis}{end}"].value() for end in ("Minimum", "Maximum")] for axis in "xyz"]
-    return np.array(np.meshgrid(*ends), np.float64).reshape(3, -1).T
+    ends = ("Minimum", "Maximum")
+    return np.array([[bounds[f"{axis}{end}"].value() for axis in "xyz"] for end in ends])

@@ -86,6 +86,12 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
     header.offsets = np.floor(first.xyz[0])
     header.scales = np.full(3, _step(plan, header.offsets))
     header.add_extra_dims([slot.extra for slot in layout if slot.extra])
+    for vlr in header.vlrs.get("ExtraBytesVlr"):
+        for entry in vlr.extra_bytes_structs:
+            # laspy takes the range of a dimension from the first point of each chunk: state none.
+            # Raw bytes, type 0, count themselves where others have these flags.
+            if entry.data_type:
+                entry.options &= ~(entry.MIN_BIT_MASK | entry.MAX_BIT_MASK)
 
     with laspy.open(path, mode="w", header=header) as writer:
         for chunk in chain([first], chunks):

@@ -102,6 +102,9 @@ def _ascii(path: Path, start: int, record: np.dtype[np.void], points: int) -> ND
         shape = record[name].shape
         width = shape[0] if shape else 1
         values = table.iloc[:, column : column + width].to_numpy()
+        if record[name].base.kind != "f" and not np.isfinite(values).all():
+            message = f"{path.name} has rows without {name}: it is damaged, or cut short."
+            raise CloudError(message)
         records[name] = values if shape else values[:, 0]
         column += width
     return _whole(path, records, points)

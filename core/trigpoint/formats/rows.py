@@ -40,4 +40,9 @@ def is_number(field: str) -> bool:
 
 def separator_of(line: str) -> str:
     """Tell what separates the fields of a line; blanks as the expression that pandas knows."""
-    return next((mark for mark in ";,\t" if mark in line), r"\s+")
+    mark = next((mark for mark in ";,\t" if mark in line), r"\s+")
+    # Tabs may stand among blanks: then some fields between tabs hold several numbers.
+    parts = [part.split() for part in line.strip().split("\t")]
+    if mark == "\t" and any(len(p) > 1 and all(map(is_number, p)) for p in parts):
+        return r"\s+"
+    return mark
