@@ -331,11 +331,11 @@ def _named(path: Path, faults: tuple[type[Exception], ...]) -> Iterator[None]:
     """Turn what is said about a broken file into one error that names the file."""
     try:
         yield
-    except CloudError as error:
+    except (CloudError, MissingPackageError) as error:
         if path.name in str(error):
             raise
         message = f"{path.name}: {error}"
-        raise CloudError(message) from error
+        raise type(error)(message) from error
     except TrigpointError:
         raise
     except faults as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from trigpoint.formats.rows import fields, head, is_number
 
@@ -29,7 +30,7 @@ def recognised(path: Path) -> str | None:
 _EXPORT = "export its points as PLY (colmap model_converter --output_type PLY)"
 
 
-def _json(path: Path) -> str:
+def _json(path: Path) -> str | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except ValueError:
@@ -37,15 +38,22 @@ def _json(path: Path) -> str:
     first = content[0] if isinstance(content, list) and content else content
     if not isinstance(first, dict):
         return "JSON of an unknown kind"
-    if "frames" in first and any("transform_matrix" in frame for frame in first["frames"]):
+    if {"hierarchyType", "schema"} <= set(first):
+        return None  # EPT
+    if _some(first, "frames", "transform_matrix"):
         return "a nerfstudio or instant-ngp camera file: export the scene as a point cloud"
     if {"cameras", "shots"} <= set(first):
         return "an OpenSfM reconstruction: export its points as PLY (opensfm export_ply)"
-    if any("observations" in point for point in first.get("points", [])):
+    if _some(first, "points", "observations"):
         return "OpenSfM's ground control points: they are image observations"
     if {"scale", "rotation", "translation"} <= set(first) or "alignment" in first:
         return "a similarity, as `trigpoint align` writes it: `trigpoint apply` takes it"
     return "JSON of an unknown kind"
+
+
+def _some(content: dict[str, Any], rows: str, key: str) -> bool:
+    found = content.get(rows)
+    return isinstance(found, list) and any(isinstance(row, dict) and key in row for row in found)
 
 
 def _text(lines: list[str]) -> str | None:

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import laspy
 import numpy as np
 
 from trigpoint.crs import header_crs
@@ -50,7 +51,7 @@ READERS = {
 _NAMES = {"Red": "red", "Green": "green", "Blue": "blue", "Infrared": "nir"}
 
 ABSENT = (
-    "is read through PDAL, which is not installed. PyPI has only its source package: install it "
+    "it is read through PDAL, which is not installed. PyPI has only its source package: install it "
     "from conda-forge (conda install -c conda-forge python-pdal), or name the pdal command in "
     "TRIGPOINT_PDAL."
 )
@@ -75,17 +76,23 @@ def pipeline(path: Path, reader: str, target: Path, *, box: Box | None = None) -
     ['readers.bpf', 'writers.las']
     """
     source: dict[str, Any] = {"type": reader, "filename": str(path)}
-    if box is not None and reader == "readers.ept":
-        ranges = zip(box.low, box.high, strict=True)
-        source["bounds"] = f"({', '.join(f'[{float(a)!r}, {float(b)!r}]' for a, b in ranges)})"
+    if (
+        box is not None
+        and reader == "readers.ept"
+        and np.isfinite([box.low[:2], box.high[:2]]).all()
+    ):
+        # PDAL takes a box in plan or in space, and no infinite ends.
+        axes = 3 if np.isfinite([box.low, box.high]).all() else 2
+        ends = zip(box.low[:axes].tolist(), box.high[:axes].tolist(), strict=True)
+        source["bounds"] = f"({', '.join(f'[{low!r}, {high!r}]' for low, high in ends)})"
     writer = {
         "type": "writers.las",
         "filename": str(target),
         "minor_version": 4,
         "dataformat_id": 6,
         "extra_dims": "all",
-        # As fine as 32 bits allow: PDAL knows the extent when it writes.
-        **{f"scale_{axis}": "auto" for axis in "xyz"},
+        # PDAL 2.2 takes "auto" for a scale too, and writes whole units.
+        **{f"scale_{axis}": las.GROUND_STEP for axis in "xyz"},
         **{f"offset_{axis}": "auto" for axis in "xyz"},
     }
     return json.dumps({"pipeline": [source, writer]})
@@ -117,10 +124,9 @@ def run(stages: str) -> None:
         try:
             module.Pipeline(stages).execute()
         except RuntimeError as error:
-            message = f"PDAL: {error}"
+            message = f"PDAL: {' '.join(str(error).split())}"
             raise CloudError(message) from error
     elif command:
-        # Not through a pipe: PDAL 2.2 reads standard input only as a file.
         done = subprocess.run(
             [command, "pipeline", "--stdin"],
             input=stages,
@@ -129,11 +135,10 @@ def run(stages: str) -> None:
             check=False,
         )
         if done.returncode:
-            message = f"PDAL: {done.stderr.strip() or done.stdout.strip()}"
+            message = f"PDAL: {' '.join((done.stderr or done.stdout).split())}"
             raise CloudError(message)
     else:
-        message = f"this format {ABSENT}"
-        raise MissingPackageError(message)
+        raise MissingPackageError(ABSENT)
 
 
 def _tiled(path: Path) -> Source:
@@ -145,13 +150,19 @@ def _tiled(path: Path) -> Source:
     return Source(
         format="EPT, through PDAL",
         chunks=partial(_query, path),
-        attributes=tuple(_NAMES.get(n, n) for n in dimensions if n not in ("X", "Y", "Z")),
+        attributes=tuple(_las_name(n) for n in dimensions if n not in ("X", "Y", "Z")),
         extent=extent,
         points=description["points"],
         step=np.array([dimensions[axis].get("scale", 0.0) for axis in "XYZ"]),
         crs=crs,
         cautions=cautions,
     )
+
+
+def _las_name(name: str) -> str:
+    """What laspy calls a dimension of PDAL: GpsTime is gps_time."""
+    apart = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
+    return apart if apart in laspy.PointFormat(8).dimension_names else _NAMES.get(name, name)
 
 
 def _query(path: Path, size: int, attributes: bool, box: Box | None) -> Iterator[Chunk]:
