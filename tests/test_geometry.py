@@ -95,6 +95,21 @@ def test_trap_4_a_tower_edge_is_refused_although_its_rmse_is_small(seed, offset)
         assert "weak_geometry" in [caution.code for caution in worth.cautions]
 
 
+def test_trap_4_the_sigma_about_a_short_lever_is_that_of_draws():
+    rng = np.random.default_rng(3)
+    source = np.column_stack([rng.normal(0, 0.1, (6, 2)), np.linspace(0, 15, 6)])
+    truth = Similarity(3.26, Rotation.from_rotvec([0.3, -1.1, 2.0]).as_matrix(), np.zeros(3))
+    target = truth(source)
+    worth = assess(source, target, truth, sigma_target=np.full(6, 0.05))
+    assert 1 < worth.rotation_sigma_deg[0] < 5
+    turns = []
+    for _ in range(4000):
+        fit = umeyama(source, target + rng.normal(0, 0.05, target.shape))
+        turns.append(Rotation.from_matrix(fit.rotation @ truth.rotation.T).as_rotvec())
+    found = np.degrees(np.std(np.array(turns) @ worth.rotation_axes.T, axis=0))
+    np.testing.assert_allclose(found, worth.rotation_sigma_deg, rtol=0.05)
+
+
 @pytest.mark.parametrize("count", [6, 30, 200, 2000])
 def test_a_pole_picked_with_noise_in_both_frames_is_refused_however_many_picks(count):
     # The noise itself spreads the source across the pole, so the covariance alone grows confident.
@@ -130,6 +145,13 @@ def test_a_reference_far_beyond_the_picks_is_weak():
     found, statement = verdict(source, target, extent=near + 400 * far)
     assert found == "weak"
     assert "farthest corner" in statement
+
+
+def test_a_copy_among_a_hundred_picks_changes_nothing():
+    source = np.random.default_rng(4).normal(size=(100, 3)) * 10
+    target = source + np.random.default_rng(5).normal(0, 0.05, source.shape)
+    source[1], target[1] = source[0], target[0]
+    assert verdict(source, target)[0] == "sound"
 
 
 def test_the_weak_axis_is_named(offset):

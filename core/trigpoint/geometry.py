@@ -24,6 +24,8 @@ WEAK_DEG = 1.0
 NARROW = 0.05
 # Where less than a tenth of a pick's error shows in its own residual, that pick decides alone.
 UNCHECKED = 0.10
+# Copies of picks among all. A few copies among thousands of matched points change nothing.
+COPIES = 0.05
 # A corner of the reference that is known three times worse than one pick measures is carried by
 # the picks' lever, not by the picks.
 FAR = 3.0
@@ -165,10 +167,11 @@ def _line(points: Points) -> NDArray[np.float64]:
 def _equal(source: Points, target: Points, names: Sequence[str]) -> list[str]:
     pairs = np.column_stack([source, target])
     _, place, counts = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    copies = sorted(names[i] for i in np.flatnonzero(counts[place.reshape(-1)] > 1).tolist())
-    if not copies:
+    if 1 - len(counts) / len(pairs) <= COPIES:
         return []
-    return [f"of picks {', '.join(copies)} some are equal: a copy is no second measurement"]
+    copies = np.flatnonzero(counts[place.reshape(-1)] > 1).tolist()
+    listed = ", ".join(sorted(names[i] for i in copies)) if len(copies) < 10 else str(len(copies))
+    return [f"of picks {listed} some are equal: a copy is no second measurement"]
 
 
 def _alone(adjustment: Adjustment, names: Sequence[str]) -> list[str]:
