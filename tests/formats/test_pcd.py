@@ -115,6 +115,15 @@ def test_trap_1_single_precision_in_utm_is_doubted(tmp_path):
     assert [c.code for c in describe(tmp_path / "a.pcd").cautions] == ["coordinates_coarse"]
 
 
+def test_trap_1_text_keeps_the_digits_that_its_type_would_drop(tmp_path):
+    rows = rows_at(UTM)
+    pcd_file(tmp_path / "a.pcd", rows, "ascii")
+    content = (tmp_path / "a.pcd").read_bytes()
+    (tmp_path / "a.pcd").write_bytes(content.replace(b"SIZE 8 8 8", b"SIZE 4 4 4"))
+    expected = np.column_stack([rows[n] for n in "xyz"])
+    np.testing.assert_allclose(read(tmp_path / "a.pcd").coordinates, expected, rtol=0, atol=2e-9)
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
 def test_a_file_cut_short_is_refused(tmp_path, encoding):
     pcd_file(tmp_path / "a.pcd", rows_at(UTM), encoding)

@@ -54,6 +54,14 @@ def test_trap_1_single_precision_in_utm_is_doubted(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "double.ply").coordinates, CUBE + UTM)
 
 
+def test_trap_1_text_keeps_the_digits_that_its_type_would_drop(tmp_path):
+    ply_file(tmp_path / "a.ply", CUBE + UTM + 0.123, text=True)
+    content = (tmp_path / "a.ply").read_bytes()
+    (tmp_path / "a.ply").write_bytes(content.replace(b"property double", b"property float"))
+    np.testing.assert_allclose(read(tmp_path / "a.ply").coordinates, CUBE + UTM + 0.123, atol=1e-9)
+    assert describe(tmp_path / "a.ply").cautions == ()
+
+
 @pytest.mark.parametrize("text", [True, False])
 def test_a_mesh_is_carried_with_its_faces(tmp_path, text):
     triangles = [[0, 1, 2], [1, 3, 2], [4, 5, 6]]

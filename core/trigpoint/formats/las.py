@@ -32,6 +32,7 @@ GROUND_STEP, LOCAL_STEP = 1e-4, 1e-5
 # GPS time counted within a week ends here; anything beyond counts from 1980 or 2011.
 WEEK_S = 604_800
 _INT32 = np.iinfo(np.int32)
+_WKT_BIT = 16
 
 _COORDINATES = frozenset({"X", "Y", "Z"})
 # Pointers into waveforms, which are other files.
@@ -79,8 +80,9 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
     # laspy writes today for None.
     header.creation_date = (pattern and pattern.creation_date) or dt.date.min
     header.file_source_id = pattern.file_source_id if pattern else 0
-    header.global_encoding.gps_time_type = _gps_time_type(first.attributes, pattern)
-    header.global_encoding.wkt = True  # point formats 6 and above ask for it, CRS or none
+    # Whole: bit by bit, laspy 2.5 flips what it should clear. Point formats 6 and above ask for
+    # the WKT bit, CRS or none.
+    header.global_encoding.value = _gps_time_type(first.attributes, pattern) | _WKT_BIT
     if plan.crs is not None:
         header.vlrs.append(WktCoordinateSystemVlr(_wkt(plan.crs)))
     header.offsets = np.floor(first.xyz[0])
@@ -228,7 +230,10 @@ def _extra(name: str, dimension: str, values: Values, like: Any) -> _Slot:
         dtype = np.dtype((dtype, (values.shape[1],)))
     kept: dict[str, Any] = {}
     if like is not None:
-        kept = {"description": like.description, "no_data": like.no_data}
+        kept = {"description": like.description}
+        # Unknown to laspy 2.5.
+        if getattr(like, "no_data", None) is not None:
+            kept["no_data"] = like.no_data
         if like.is_scaled:
             # Whole numbers under a scale: laspy hands out what they stand for.
             dtype = like.dtype

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trigpoint.errors import CloudError
 from trigpoint.formats.source import Box, Chunk, Source, axes_of, chunk_of_records
+from trigpoint.formats.text import EXACT
 
 FAULTS = (OSError, ValueError, KeyError, IndexError, pd.errors.ParserError)
 
@@ -33,6 +34,8 @@ def opened(path: Path) -> Source:
     record = _record(header)
     names = tuple(record.names or ())
     axes = axes_of(names, path)
+    if header["DATA"][0] == "ascii":
+        record = _in_double(record, axes)
     points = (
         int(header["POINTS"][0])
         if "POINTS" in header
@@ -70,6 +73,12 @@ def _record(header: dict[str, list[str]]) -> np.dtype[np.void]:
     return np.dtype(columns)
 
 
+def _in_double(record: np.dtype[np.void], axes: tuple[str, str, str]) -> np.dtype[np.void]:
+    """Give the coordinates double precision: as text they may have more digits than their type."""
+    names = record.names or ()
+    return np.dtype([(name, "<f8" if name in axes else record[name]) for name in names])
+
+
 def _chunks(
     read: partial[NDArray[np.void]],
     axes: tuple[str, str, str],
@@ -95,7 +104,7 @@ def _chunks(
 def _ascii(path: Path, start: int, record: np.dtype[np.void], points: int) -> NDArray[np.void]:
     with path.open("rb") as file:
         file.seek(start)
-        table = pd.read_csv(file, sep=r"\s+", header=None)
+        table = pd.read_csv(file, sep=r"\s+", header=None, **EXACT)
     records = np.zeros(len(table), record)
     column = 0
     for name in record.names or ():

@@ -160,7 +160,7 @@ def _tiled(path: Path) -> Source:
 
 
 def _las_name(name: str) -> str:
-    """What laspy calls a dimension of PDAL: GpsTime is gps_time."""
+    """Return what laspy calls a dimension of PDAL: GpsTime is gps_time."""
     apart = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_")
     return apart if apart in laspy.PointFormat(8).dimension_names else _NAMES.get(name, name)
 

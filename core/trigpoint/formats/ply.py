@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -38,6 +40,7 @@ _TYPES = {
 }
 # float64 counts whole numbers up to here.
 _EXACT = 2**53
+_HEAD_BYTES = 4096
 _FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (3,))])
 
 
@@ -114,6 +117,13 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
 
 
 def _parsed(path: Path) -> Any:
+    with path.open("rb") as file:
+        start = file.read(_HEAD_BYTES)
+    if re.search(rb"^format +ascii", start, re.MULTILINE):
+        # As text the coordinates may have more digits than the type that the header gives them.
+        header, end, body = path.read_bytes().partition(b"end_header")
+        header = re.sub(rb"property +(float|float32) +([xyzXYZ]\s)", rb"property double \2", header)
+        return plyfile.PlyData.read(io.BytesIO(header + end + body))
     try:
         # Triangles alone can be mapped like vertices; anything else is read face by face.
         triangles = {"vertex_indices": 3, "vertex_index": 3}

@@ -18,6 +18,9 @@ from trigpoint.formats.source import Box, Chunk, Plan, Source, axes_of, columns_
 
 FAULTS = (pd.errors.ParserError, OSError, ValueError)
 
+# Before 3.1 pandas rounded the last digit unless asked not to, and since then it warns of asking.
+_IS_OLD = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
+EXACT: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 _COMMENTS = ("#", "//", ";", "!")
 
 
@@ -133,6 +136,7 @@ def _chunks(
         comment="#",
         encoding="utf-8-sig",
         chunksize=size,
+        **EXACT,
     ) as reader:
         for table in reader:
             xyz = np.ascontiguousarray(table[axes].to_numpy(np.float64))
