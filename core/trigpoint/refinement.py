@@ -283,8 +283,8 @@ def _levers(here: Points) -> NDArray[np.float64]:
     """
     arms = here - here.mean(axis=0)
     scatter = np.einsum("ni,nj->ij", arms, arms) / len(arms)
-    squares, axes = np.linalg.eigh(np.trace(scatter) * np.eye(3) - scatter)
-    if squares[0] <= 1e-12 * squares[2]:
+    axes, squares, _ = np.linalg.svd(np.trace(scatter) * np.eye(3) - scatter)
+    if squares[2] <= 1e-12 * squares[0]:
         raise RefinementError(_ON_A_LINE.format(len(here)))
     levers: NDArray[np.float64] = (axes / np.sqrt(squares)) @ axes.T
     return levers
@@ -306,7 +306,7 @@ def _strengths(
     """Return six independent movements, one a column, and how firmly each is held, 0 to 1."""
     # einsum: a matrix product of many rows may round by the number of threads.
     squares = np.einsum("ni,nj->ij", crossings, crossings) / len(crossings)
-    strengths, directions = np.linalg.eigh(squares)
+    directions, strengths, _ = np.linalg.svd(squares)
     return strengths, directions
 
 
@@ -338,7 +338,7 @@ def _unsettled(path: _Path) -> list[Caution]:
 
 def _axes(part: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the axes that lie more inside than outside the weak directions, one a row."""
-    shares, axes = np.linalg.eigh(part @ part.T)
+    axes, shares, _ = np.linalg.svd(part @ part.T)
     inside: NDArray[np.float64] = axes[:, shares > 0.5].T
     return inside
 
@@ -346,8 +346,8 @@ def _axes(part: NDArray[np.float64]) -> NDArray[np.float64]:
 def _named(axis: NDArray[np.float64]) -> str:
     # An axis has no sense: let its largest component be positive.
     axis = axis / axis[np.abs(axis).argmax()]
-    axis = np.round(axis / np.linalg.norm(axis), 2) + 0.0  # no negative zero
-    return "({:.2f}, {:.2f}, {:.2f})".format(*axis)
+    rounded = np.round(axis / np.linalg.norm(axis), 2) + 0.0  # no negative zero
+    return "({:.2f}, {:.2f}, {:.2f})".format(*rounded)
 
 
 def _angle(movement: Similarity) -> float:

@@ -61,7 +61,9 @@ class Surface:
             patches = self.points[neighbours]
             patches -= patches.mean(axis=1, keepdims=True)
             scatter = np.einsum("nki,nkj->nij", patches, patches)
-            self._normals[block] = np.linalg.eigh(scatter)[1][:, :, 0]
+            # svd, here and in `refinement`: in the OpenBLAS of older NumPys the bits of eigh depend
+            # on the number of threads. Of such matrices it gives the same, largest first.
+            self._normals[block] = np.linalg.svd(scatter)[0][:, :, 2]
         return self._normals[rows]
 
 
