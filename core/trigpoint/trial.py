@@ -145,7 +145,8 @@ def judge(
     held_out = loocv if check.before is None else check
     retained = _fell(held_out)
     cautions = refinement.cautions
-    if control.before is not None and not retained:
+    picked = control.before is not None or check.before is not None
+    if picked and not retained:
         cautions += (_not_retained(refinement, held_out),)
     return Trial(
         refinement=refinement,
