@@ -223,8 +223,9 @@ def _p_value(
 
 
 def _tail(statistic: float, count: int, share: float, reliability: Reliability) -> float:
-    if reliability.noise == "stated" or share == 0:
-        return float(stats.chi2.sf(statistic, count))
     # The fit's share of the variance was estimated, the rest is given: Welch and Satterthwaite's
-    # effective degrees of freedom (JCGM 100:2008, G.4).
+    # effective degrees of freedom (JCGM 100:2008, G.4). A million are as good as a known sigma.
+    known = reliability.noise == "stated" or reliability.dof > 1e6 * share**2
+    if known:
+        return float(stats.chi2.sf(statistic, count))
     return float(stats.f.sf(statistic / count, count, reliability.dof / share**2))
