@@ -1,4 +1,6 @@
 import json
+import os
+import socket
 import subprocess
 import sys
 
@@ -270,20 +272,31 @@ def test_axes_that_point_west_and_south_are_doubtful():
 
 
 def test_nothing_asks_the_network_or_changes_its_switch():
-    # In a child, so that PROJ reads the environment afresh: network on, and nowhere to go.
+    # In a child, so that PROJ reads the environment afresh: network on, and we are the server.
     script = (
         "import json, pyproj; from trigpoint.crs import *;"
         "before = pyproj.network.is_network_enabled();"
-        "report = describe_crs(parse_crs('EPSG:26915+5703'), at=[740711, 4280069, 150]);"
+        "report = describe_crs(parse_crs('EPSG:26715+5703'), at=[740711, 4280069, 150]);"
         "print(json.dumps([before, pyproj.network.is_network_enabled(), report.grid_scale]))"
     )
-    environment = {"PROJ_NETWORK": "ON", "PROJ_NETWORK_ENDPOINT": "http://127.0.0.1:9"}
-    done = subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, check=True
-    )
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.setblocking(False)
+        switched_on = {
+            "PROJ_NETWORK": "ON",
+            "PROJ_NETWORK_ENDPOINT": f"http://127.0.0.1:{server.getsockname()[1]}",
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            env=os.environ | switched_on,
+            capture_output=True,
+            check=True,
+            timeout=30,  # PROJ waits for an answer as long as it takes
+        )
+        with pytest.raises(BlockingIOError):
+            server.accept()
     before, after, scale = json.loads(done.stdout)
     assert before is after is True
-    assert scale == pytest.approx(1.000314, abs=1e-6)
+    assert scale == pytest.approx(1.000313, abs=2e-6)
 
 
 # What a header says

@@ -72,8 +72,10 @@ def lonlat(horizontal: pyproj.CRS, easting: float, northing: float) -> tuple[flo
     """Longitude and latitude of coordinates in the CRS's own units; NaN where there is none."""
     if horizontal.is_geographic:
         return easting, northing
+    if not horizontal.is_projected:
+        return math.nan, math.nan
     try:
-        longitude, latitude = pyproj.Proj(horizontal)(easting, northing, inverse=True)
+        longitude, latitude = _map(horizontal)(easting, northing, inverse=True)
     except (CRSError, ProjError):
         return math.nan, math.nan
     found = math.isfinite(longitude) and math.isfinite(latitude)
@@ -86,8 +88,8 @@ def grid_factors(horizontal: pyproj.CRS, longitude: float, latitude: float) -> t
         return math.nan, math.nan
     # PROJ takes this longitude from the CRS's own prime meridian, which may be Paris.
     prime = horizontal.prime_meridian
-    start = math.degrees(prime.longitude * prime.unit_conversion_factor) if prime else 0.0
-    factors = pyproj.Proj(horizontal).get_factors(longitude - start, latitude)
+    start = math.degrees(prime.longitude * float(prime.unit_conversion_factor)) if prime else 0.0
+    factors = _map(horizontal).get_factors(longitude - start, latitude)
     return math.sqrt(factors.areal_scale), factors.meridian_convergence
 
 
@@ -121,3 +123,21 @@ def stray_deg(horizontal: pyproj.CRS, longitude: float, latitude: float) -> floa
 
 def _unbound(crs: pyproj.CRS) -> pyproj.CRS:
     return crs.source_crs if crs.is_bound and crs.source_crs else crs
+
+
+def _map(horizontal: pyproj.CRS) -> pyproj.Proj:
+    """Return the projection alone, on a datum without a name.
+
+    For some names, NAD27 among them, PROJ opens the grids of a datum shift that nobody asked for,
+    and fetches them where the network is on.
+    """
+    described = horizontal.to_json_dict()
+    base = described
+    while "base_crs" in base:
+        base.pop("id", None)
+        base = base["base_crs"]
+    base.pop("id", None)
+    named = base.pop("datum", None) or base.pop("datum_ensemble", {})
+    kept = {key: named[key] for key in ("ellipsoid", "prime_meridian") if key in named}
+    base["datum"] = {"type": "GeodeticReferenceFrame", "name": "unknown", **kept}
+    return pyproj.Proj(pyproj.CRS.from_json_dict(described))
