@@ -393,7 +393,7 @@ KEYS = st.dictionaries(
 
 
 # PROJ looks unknown text up among its names, which takes a while.
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 @given(st.text(max_size=40))
 def test_no_text_in_a_header_makes_it_crash(wkt):
     crs, cautions = header_crs(wkt, None, LOW, HIGH)
