@@ -22,6 +22,8 @@ from trigpoint.similarity import (
     umeyama,
 )
 
+Method = Literal["ransac", "exhaustive", "all"]
+
 # `exhaustive` tries every set of three up to this many: 40 picks have 9,880.
 MOST_SETS = 10_000
 
@@ -59,7 +61,7 @@ class Consensus:
 
     similarity: Similarity
     inliers: NDArray[np.bool_]
-    method: Literal["ransac", "exhaustive", "all"]
+    method: Method
     threshold: float | None = None
     seed: int | None = None
     trials: int = 0

@@ -8,6 +8,7 @@
     ├── PicksError            (ValueError)   a pick file is wrong
     ├── DegeneratePicksError  (ValueError)   the picks do not pin down a similarity
     ├── ConsensusError        (ValueError)   no three picks agree
+    ├── SimilarityError       (ValueError)   a similarity file holds none
     ├── RegionError           (ValueError)   the evaluation region or its zones are unusable
     ├── RefinementError       (ValueError)   ICP did nothing, or had nothing to work on
     ├── ProjectError          (ValueError)   a project file is wrong
@@ -53,6 +54,12 @@ class ConsensusError(TrigpointError, ValueError):
     """No three picks agree on a similarity."""
 
     code = "no_consensus"
+
+
+class SimilarityError(TrigpointError, ValueError):
+    """A similarity file holds none."""
+
+    code = "similarity"
 
 
 class RegionError(TrigpointError, ValueError):

@@ -9,8 +9,9 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar, get_args
 
+from trigpoint.consensus import Method
 from trigpoint.errors import ProjectError
 
 
@@ -59,7 +60,7 @@ class ReconstructionInput:
 class AlignmentSettings:
     """How the similarity is fitted."""
 
-    method: str = "ransac"
+    method: Method = "ransac"
     threshold_m: float = 0.50
     trials: int = 10_000
     seed: int = 42
@@ -117,7 +118,7 @@ class Project:
 CHOICES = {
     ("project", "status"): ("draft", "issued"),
     ("reconstruction", "kind"): ("neural", "photogrammetry"),
-    ("alignment", "method"): ("ransac", "exhaustive", "all"),
+    ("alignment", "method"): get_args(Method),
 }
 # The smallest value allowed, and whether it is itself allowed.
 LOWEST = {

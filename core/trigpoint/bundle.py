@@ -1,0 +1,137 @@
+"""An audit as files: results.json, tables, matrices and clouds, in one folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trigpoint.canonical import to_json, write_text
+from trigpoint.cloud import PointCloud
+from trigpoint.delivery import whole_folder, write_csv
+from trigpoint.errors import ProjectError
+from trigpoint.files import carry, write
+from trigpoint.pipeline import Say
+from trigpoint.project import Project
+from trigpoint.record import Audit, Judged
+
+
+def bundle_folder(project: Project, out: str | Path | None = None) -> Path:
+    """Return where a project's bundle belongs: ``<out>/<id>-r<revision>``.
+
+    Parameters
+    ----------
+    project : Project
+    out : path, optional
+        By default the folder `audit` beside the project file.
+
+    Raises
+    ------
+    ProjectError
+        If this revision was issued and is there already.
+    """
+    parent = project.path.parent / "audit" if out is None else Path(out)
+    folder = parent / f"{project.about.id}-r{project.about.revision}"
+    if project.about.status == "issued" and folder.exists():
+        message = (
+            f"{folder} is there already and this project is issued: what is issued is never "
+            f"overwritten. Raise [project] revision above {project.about.revision}."
+        )
+        raise ProjectError(message)
+    return folder
+
+
+def write_bundle(
+    audit: Audit, results: dict[str, Any], folder: Path, *, say: Say = lambda _: None
+) -> None:
+    """Write an audit's bundle, whole or not at all.
+
+    Parameters
+    ----------
+    audit : Audit
+    results : dict
+        `audit.results()`.
+    folder : Path
+        A bundle that is there is replaced once the new one is whole.
+    say : callable, optional
+        Told each step as it begins.
+    """
+    with whole_folder(folder) as draft:
+        for name in ("data", "transform", "clouds"):
+            (draft / name).mkdir()
+        say("writing the tables")
+        write_text(draft / "data" / "results.json", to_json(results))
+        for name, found in results["reconstructions"].items():
+            _tables(draft / "data", name, found)
+            if found["alignment"] is not None:
+                _transform(draft / "transform", name, found, results)
+        for judged in audit.judged:
+            say(f"{judged.given.name}: writing its clouds")
+            _clouds(draft / "clouds", judged, audit)
+
+
+def _tables(folder: Path, name: str, found: dict[str, Any]) -> None:
+    if found["alignment"] is not None:
+        write_csv(folder / f"picks-{name}.csv", found["alignment"]["residuals"])
+        write_csv(folder / f"loocv-{name}.csv", found["loocv"]["folds"])
+        write_csv(folder / f"reliability-{name}.csv", found["reliability"]["picks"])
+        if found["checks"]["n"]:
+            write_csv(folder / f"checks-{name}.csv", found["checks"]["residuals"])
+    zones, shares = [], []
+    for stage, comparison in found["comparison"].items():
+        if comparison is None:
+            continue
+        for direction in ("accuracy", "completeness"):
+            for zone, row in comparison[direction].items():
+                place = {"stage": stage, "direction": direction, "zone": zone}
+                zones.append(place | {k: v for k, v in row.items() if k != "within"})
+                shares += [place | share for share in row["within"]]
+    write_csv(folder / f"zones-{name}.csv", zones)
+    write_csv(folder / f"within-{name}.csv", shares)
+
+
+def _transform(folder: Path, name: str, found: dict[str, Any], results: dict[str, Any]) -> None:
+    """Write the similarity twice: for `trigpoint apply`, and as the 4 x 4 that archives ask for."""
+    crs = results["crs"]["code"]
+    write_text(folder / f"{name}.json", to_json({**found["alignment"], "crs": crs}))
+    rows = [" ".join(f"{value!r}" for value in row) for row in found["alignment"]["matrix"]]
+    write_text(folder / f"{name}_matrix.txt", "\n".join(rows) + "\n")
+
+
+def _clouds(folder: Path, judged: Judged, audit: Audit) -> None:
+    name, crs = judged.given.name, audit.reference.cloud.crs
+    if judged.alignment is not None:
+        target = folder / f"{name}-georeferenced.laz"
+        carry(judged.given.path, target, judged.alignment.similarity, crs=crs)
+    delivered, after = judged.delivered, judged.after_icp
+    for direction, cloud, before, later in (
+        (
+            "accuracy",
+            delivered.reconstruction,
+            delivered.accuracy_m,
+            None if after is None else after.accuracy_m,
+        ),
+        (
+            "completeness",
+            delivered.reference,
+            delivered.completeness_m,
+            None if after is None else after.completeness_m,
+        ),
+    ):
+        distances = {"distance_m": before}
+        if later is not None:
+            distances["distance_after_icp_m"] = later
+        _write_distances(folder / f"{name}-{direction}.laz", cloud, distances)
+
+
+def _write_distances(
+    path: Path, cloud: PointCloud, distances: dict[str, np.ndarray[Any, Any]]
+) -> None:
+    if not len(cloud):
+        return
+    # A distance to a cloud of no points is infinite: NaN says in a file that there is none.
+    finite = {
+        name: np.where(np.isfinite(values), values, np.nan) for name, values in distances.items()
+    }
+    write(path, PointCloud(cloud.xyz, cloud.origin, finite, cloud.crs))

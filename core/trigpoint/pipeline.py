@@ -1,0 +1,133 @@
+"""The method, read top to bottom: one call a step, one Audit out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from trigpoint.alignment import Alignment, align
+from trigpoint.comparison import measure
+from trigpoint.criteria import check_quantities
+from trigpoint.crs import describe_crs, parse_crs
+from trigpoint.files import describe
+from trigpoint.picks import read_picks
+from trigpoint.preparation import Reference, Thinned, prepare, thin
+from trigpoint.project import AlignmentSettings, Project, ReconstructionInput, read_project
+from trigpoint.record import Audit, Judged
+from trigpoint.surface import Surface
+from trigpoint.trial import Trial, judge
+
+Say = Callable[[str], None]
+
+
+def audit(project: Project | str | Path, *, say: Say = lambda _: None) -> Audit:
+    """Align, validate and compare everything a project names.
+
+    The method is that of Shrestha et al. (2026): a similarity from structural correspondences by
+    RANSAC and Umeyama's closed form; residuals, leave-one-out and rigid ICP as three views of it;
+    then, as a separate question, accuracy and completeness by height zone against the reference.
+
+    Parameters
+    ----------
+    project : Project or path
+        A project.toml, read or not.
+    say : callable, optional
+        Told each step as it begins.
+
+    Returns
+    -------
+    Audit
+
+    Raises
+    ------
+    TrigpointError
+        If an input is unusable.
+    """
+    if not isinstance(project, Project):
+        project = read_project(project)
+    check_quantities(project)
+    given, settings = project.reference, project.comparison
+    say("reference: reading")
+    frame = parse_crs(given.crs or describe(given.path).crs, vertical=given.vertical_crs or None)
+    info = describe(given.path, crs=frame)
+    reference = prepare(
+        given.path,
+        voxel=settings.voxel_m,
+        zones=settings.zones,
+        margin=settings.margin_m,
+        region=given.region,
+        crs=frame,
+    )
+    report = describe_crs(frame, at=(reference.low + reference.high) / 2)
+    surface = Surface(reference.cloud.coordinates) if settings.icp else None
+    judged = [_judge(each, project, reference, surface, say) for each in project.reconstructions]
+    return Audit(project, reference, info, report, tuple(judged))
+
+
+def _judge(
+    given: ReconstructionInput,
+    project: Project,
+    reference: Reference,
+    surface: Surface | None,
+    say: Say,
+) -> Judged:
+    """Take one reconstruction through the method."""
+    within = project.comparison.within_m
+    info = describe(given.path)
+    alignment = None
+    if given.picks is not None:
+        say(f"{given.name}: fitting one similarity to its picks")
+        alignment = _align(given.picks, project.alignment, reference)
+
+    say(f"{given.name}: reading")
+    similarity = None if alignment is None else alignment.similarity
+    thinned = thin(given.path, reference, similarity=similarity)
+    say(f"{given.name}: measuring accuracy and completeness")
+    delivered = measure(thinned, reference, within=within)
+    if surface is None:
+        return Judged(given, info, alignment, thinned, delivered, None, None)
+
+    say(f"{given.name}: putting rigid ICP on trial")
+    trial = try_icp(thinned, surface, alignment)
+    moved = thinned.moved(trial.refinement.similarity)
+    after_icp = measure(moved, reference, within=within)
+    return Judged(given, info, alignment, thinned, delivered, trial, after_icp)
+
+
+def _align(picks: Path, settings: AlignmentSettings, reference: Reference) -> Alignment:
+    return align(
+        read_picks(picks, crs=reference.cloud.crs),
+        method=settings.method,
+        threshold=settings.threshold_m,
+        trials=settings.trials,
+        seed=settings.seed,
+        weighted=settings.weighted,
+        extent=np.array([reference.low, reference.high]),
+    )
+
+
+def try_icp(thinned: Thinned, surface: Surface, alignment: Alignment | None = None) -> Trial:
+    """Refine a reconstruction by ICP, and ask the picks, where there are any, what that was worth.
+
+    Parameters
+    ----------
+    thinned : Thinned
+        In the reference's frame.
+    surface : Surface
+        Of the reference.
+    alignment : Alignment, optional
+        What carried the reconstruction there.
+    """
+    if alignment is None:
+        return judge(thinned.cloud.coordinates, surface)
+    inliers, checks = alignment.inliers, alignment.picks.check
+    return judge(
+        thinned.cloud.coordinates,
+        surface,
+        similarity=alignment.similarity,
+        controls=(inliers.source, inliers.target),
+        checks=(checks.source, checks.target),
+        weights=alignment.weights,
+    )

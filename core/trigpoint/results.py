@@ -1,0 +1,209 @@
+"""The shape of results.json: each room's result under the keys that users and archives rely on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trigpoint.alignment import Alignment
+from trigpoint.canonical import plain
+from trigpoint.cautions import Caution
+from trigpoint.checks import measure_checks
+from trigpoint.comparison import Comparison
+from trigpoint.errors import SimilarityError
+from trigpoint.similarity import Similarity
+from trigpoint.trial import Trial
+
+AXES = ["dx_m", "dy_m", "dz_m"]
+
+
+def alignment_results(alignment: Alignment, *, accuracy: float | None = None) -> dict[str, Any]:
+    """Return `alignment`, `loocv`, `checks`, `reliability` and `warnings`.
+
+    Parameters
+    ----------
+    alignment : Alignment
+    accuracy : float, optional
+        Of the reference, in metres per axis: it is added to the check picks' error in quadrature.
+    """
+    control, inliers = alignment.picks.control, alignment.consensus.inliers
+    table = alignment.residuals(control).assign(used=inliers)
+    kept = table[inliers]
+    consensus, fit = alignment.consensus, alignment.similarity
+    squares = float((kept["d_m"] ** 2).sum())
+    return {
+        "alignment": {
+            "method": consensus.method,
+            "seed": consensus.seed,
+            "trials": consensus.trials,
+            "degenerate_trials": consensus.degenerate_trials,
+            "exhaustive_agrees": alignment.exhaustive_agrees,
+            "threshold_m": consensus.threshold,
+            "weighted": alignment.weights is not None,
+            "n": len(kept),
+            "dof": 3 * len(kept) - 7,
+            "scale": fit.scale,
+            "rotation": fit.rotation,
+            "translation": fit.translation,
+            "matrix": fit.matrix,
+            "rmse_m": np.sqrt(squares / len(kept)),
+            "rmse_dof_m": np.sqrt(squares / (len(kept) - 7 / 3)),
+            "mean_m": kept[AXES].mean().to_numpy(),
+            "inliers": kept["id"].tolist(),
+            "outliers": table["id"][~inliers].tolist(),
+            "residuals": table,
+        },
+        "loocv": _loocv(alignment),
+        "checks": _checks(alignment, accuracy),
+        "reliability": _reliability(alignment),
+        "warnings": warning_results(alignment.cautions),
+    }
+
+
+def comparison_results(comparison: Comparison) -> dict[str, Any]:
+    """Return `accuracy`, `completeness` and `counts`."""
+    directions = {"accuracy": comparison.accuracy, "completeness": comparison.completeness}
+    return {
+        **{
+            direction: {
+                zone: {**row, "within": _within(comparison, direction, zone)}
+                for zone, row in zip(table.index, table.to_dict(orient="records"), strict=True)
+            }
+            for direction, table in directions.items()
+        },
+        "counts": dict(comparison.counts),
+    }
+
+
+def trial_results(trial: Trial | None) -> dict[str, Any] | None:
+    """Return the `icp` object; None where ICP was not asked for."""
+    if trial is None:
+        return None
+    moved = trial.refinement
+    return {
+        "translation_m": moved.translation_m,
+        "shift_m": moved.shift_m,
+        "rotation_deg": moved.rotation_deg,
+        "iterations": moved.iterations,
+        "overlap_pct": moved.overlap_pct,
+        "surface_rmse_before_m": moved.surface_rmse_before_m,
+        "surface_rmse_after_m": moved.surface_rmse_after_m,
+        "control_rmse_before_m": trial.control_rmse_before_m,
+        "control_rmse_after_m": trial.control_rmse_after_m,
+        "loocv_rmse_before_m": trial.loocv_rmse_before_m,
+        "loocv_rmse_after_m": trial.loocv_rmse_after_m,
+        "check_rmse_before_m": trial.check_rmse_before_m,
+        "check_rmse_after_m": trial.check_rmse_after_m,
+        "retained": trial.retained,
+        "rule": trial.rule,
+    }
+
+
+def warning_results(cautions: Iterable[Caution]) -> list[dict[str, str]]:
+    """Return cautions as `warnings`, each once, in the order they were met."""
+    return [{"code": each.code, "message": each.message} for each in dict.fromkeys(cautions)]
+
+
+def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
+    """Read a similarity, and the CRS of its target where the file states one.
+
+    Parameters
+    ----------
+    path : path
+        JSON: what `align --out` writes, the whole output of `align --json`, or just ``scale``,
+        ``rotation`` and ``translation``.
+
+    Raises
+    ------
+    SimilarityError
+        If the file is missing, is not JSON, or holds no proper similarity.
+    """
+    path = Path(path)
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not JSON"
+        message = f"{path.name} can't be read as a similarity: {reason}."
+        raise SimilarityError(message) from error
+    if isinstance(stored, Mapping):
+        stored = stored.get("alignment", stored)
+    try:
+        fit = Similarity(
+            float(stored["scale"]),
+            np.array(stored["rotation"], np.float64).reshape(3, 3),
+            np.array(stored["translation"], np.float64).reshape(3),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        message = (
+            f"{path.name} holds no similarity: it needs 'scale', a 'rotation' of 3 x 3 numbers and "
+            "a 'translation' of 3."
+        )
+        raise SimilarityError(message) from error
+    skew = float(np.abs(fit.rotation @ fit.rotation.T - np.eye(3)).max())
+    turned = float(np.linalg.det(fit.rotation))
+    sound = np.isfinite(fit.matrix).all() and skew < 1e-6 and turned > 0 and fit.scale > 0
+    if not sound:
+        message = (
+            f"{path.name} holds no similarity: its scale is {fit.scale:g} (it must be above 0) and "
+            f"its rotation has determinant {turned:.6g} (1) and is {skew:.2g} (0) from orthogonal."
+        )
+        raise SimilarityError(message)
+    crs = stored.get("crs")
+    return fit, str(crs) if crs else None
+
+
+def _within(comparison: Comparison, direction: str, zone: str) -> list[dict[str, Any]]:
+    table = comparison.within
+    rows = table[(table["direction"] == direction) & (table["zone"] == zone)]
+    shares: list[dict[str, Any]] = plain(rows.drop(columns=["direction", "zone"]))
+    return shares
+
+
+def _loocv(alignment: Alignment) -> dict[str, Any]:
+    loocv, ids = alignment.loocv, alignment.picks.control.ids
+    folds = loocv.folds.copy()
+    folds.insert(0, "id", [ids[position] for position in folds.pop("position")])
+    # Before it is an object column, pandas has no way to say that a truth value is missing.
+    changed = folds["inliers_changed"].astype(object)
+    folds["inliers_changed"] = changed.where(changed.notna(), None)
+    return {
+        "rmse_m": loocv.rmse_m,
+        "rmse_procedure_m": loocv.rmse_procedure_m,
+        "max_scale_change_pct": loocv.max_scale_change_pct,
+        "closed_form": loocv.closed_form,
+        "folds": folds,
+    }
+
+
+def _checks(alignment: Alignment, accuracy: float | None) -> dict[str, Any]:
+    picks = alignment.picks.check
+    found = measure_checks(picks.source, picks.target, alignment.similarity, accuracy=accuracy)
+    return {
+        "n": found.n,
+        "mean_m": found.mean_m,
+        "rmse_m": found.rmse_m,
+        "total_m": found.total_m,
+        "residuals": alignment.residuals(picks),
+    }
+
+
+def _reliability(alignment: Alignment) -> dict[str, Any]:
+    worth, ids = alignment.reliability, alignment.inliers.ids
+    picks = worth.picks.copy()
+    picks.insert(0, "id", [ids[position] for position in picks.pop("position")])
+    return {
+        "sigma0_m": worth.sigma0_m,
+        "sigma0_low_m": worth.sigma0_low_m,
+        "sigma0_high_m": worth.sigma0_high_m,
+        "scale_low": worth.scale_low,
+        "scale_high": worth.scale_high,
+        "covariance": worth.covariance,
+        "rotation_sigma_deg": worth.rotation_sigma_deg,
+        "picks": picks,
+        "geometry": worth.geometry,
+        "statement": worth.statement,
+    }

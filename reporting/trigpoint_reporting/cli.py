@@ -1,0 +1,280 @@
+"""The command line: `trigpoint demo, new, info, align, compare, apply, audit`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+
+import trigpoint
+from trigpoint.alignment import align as fit_picks
+from trigpoint.bundle import bundle_folder, write_bundle
+from trigpoint.canonical import plain, to_json, write_text
+from trigpoint.comparison import WITHIN_M, measure
+from trigpoint.consensus import Method
+from trigpoint.crs import parse_crs
+from trigpoint.errors import RegionError, TrigpointError
+from trigpoint.files import carry
+from trigpoint.inspection import inspect
+from trigpoint.pipeline import try_icp
+from trigpoint.preparation import prepare, thin
+from trigpoint.results import (
+    alignment_results,
+    comparison_results,
+    read_similarity,
+    trial_results,
+    warning_results,
+)
+from trigpoint.starter import start_project
+from trigpoint.surface import Surface
+from trigpoint_reporting import console as people
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Carry a neural reconstruction into a geodetic frame with one similarity, "
+    "and say what it is worth.",
+)
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Crs = Annotated[str, typer.Option(help="Assign a CRS, such as EPSG:32615; it never reprojects.")]
+Existing = typer.Argument(show_default=False)
+
+
+def main() -> NoReturn:
+    """Run the command line: 0 done, 1 a limit failed, 2 bad input in one clear line."""
+    try:
+        code = app(standalone_mode=False)
+    except TrigpointError as error:
+        code = _fail(error.code, str(error))
+    except typer.Abort:
+        code = _fail("stopped", "Stopped; nothing half-written is left.")
+    except OSError as error:
+        where = f": {error.filename}" if error.filename else ""
+        code = _fail("file", f"{error.strerror or error}{where}")
+    except Exception as error:
+        # Typer's usage errors share no public class across its versions, but all have this.
+        usage = getattr(error, "format_message", None)
+        if usage is None:
+            raise
+        code = _fail("usage", usage() or str(error))
+    sys.exit(code or 0)
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+) -> None:
+    if version:
+        typer.echo(f"trigpoint {trigpoint.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Where the project and its audit go.")] = Path("demo"),
+    as_json: AsJson = False,
+) -> None:
+    """Make the clock-tower project and run its whole audit."""
+    from trigpoint.synthetic import clock_tower, write_project
+
+    with _progress() as say:
+        say("building the clock tower and its three sensors")
+        project = write_project(out, clock_tower())
+    raise typer.Exit(_audit([project], None, as_json))
+
+
+@app.command()
+def new(folder: Annotated[Path, Existing]) -> None:
+    """Lay out a project: a commented project.toml, an empty picks.csv, where things go."""
+    for path in start_project(folder):
+        typer.echo(path)
+
+
+@app.command()
+def info(file: Annotated[Path, Existing], crs: Crs = "", as_json: AsJson = False) -> None:
+    """Say what a cloud or pick file is: points, extent, CRS, units, attributes, doubts."""
+    results = plain(inspect(file, crs=crs or None))
+    if as_json:
+        _print_json(results)
+    else:
+        people.show_info(_people(), results)
+
+
+@app.command()
+def align(
+    picks: Annotated[Path, Existing],
+    out: Annotated[Path | None, typer.Option(help="Write the similarity here.")] = None,
+    method: Annotated[
+        Method, typer.Option(help="How picks that agree are found; all: no consensus.")
+    ] = "ransac",
+    threshold: Annotated[float, typer.Option(help="Inlier threshold in metres.")] = 0.50,
+    trials: Annotated[int, typer.Option(help="Sets of three picks drawn by ransac.")] = 10_000,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 42,
+    weighted: Annotated[
+        bool, typer.Option("--weighted", help="Weight by the picks' sigmas.")
+    ] = False,
+    crs: Crs = "",
+    as_json: AsJson = False,
+) -> None:
+    """Fit one similarity to picks alone: residuals, leave-one-out, reliability."""
+    alignment = fit_picks(
+        trigpoint.read_picks(picks, crs=parse_crs(crs)),
+        method=method,
+        threshold=threshold,
+        trials=trials,
+        seed=seed,
+        weighted=weighted,
+    )
+    results = plain(alignment_results(alignment))
+    if out is not None:
+        write_text(out, to_json({**results["alignment"], "crs": crs or None}))
+    if as_json:
+        _print_json(results)
+    else:
+        people.show_alignment(_people(), results)
+        people.show_warnings(_people(), results["warnings"])
+
+
+@app.command()
+def compare(
+    reconstruction: Annotated[Path, Existing],
+    reference: Annotated[Path, Existing],
+    voxel: Annotated[float, typer.Option(help="Voxel size in metres; 0: no thinning.")] = 0.10,
+    within: Annotated[
+        list[float] | None,
+        typer.Option(help="A distance in metres; may be repeated. By default 0.05, 0.10, 0.20."),
+    ] = None,
+    zones: Annotated[str, typer.Option(help="Cuts of the reference's height range.")] = "0.33,0.66",
+    margin: Annotated[
+        str, typer.Option(help="Metres around the reference that count; none: no crop.")
+    ] = "1.0",
+    icp: Annotated[bool, typer.Option("--icp", help="Refine the pose by rigid ICP first.")] = False,
+    crs: Crs = "",
+    as_json: AsJson = False,
+) -> None:
+    """Measure accuracy and completeness of one georeferenced cloud against a reference."""
+    cuts = tuple(_number(text, "--zones") for text in zones.split(","))
+    padding = None if margin == "none" else _number(margin, "--margin")
+    with _progress() as say:
+        say(f"reading {reference.name}")
+        target = prepare(reference, crs=crs or None, voxel=voxel, zones=cuts, margin=padding)
+        say(f"reading {reconstruction.name}")
+        source = thin(reconstruction, target, crs=crs or None)
+        trial = None
+        if icp:
+            say("refining by ICP")
+            trial = try_icp(source, Surface(target.cloud.coordinates))
+            source = source.moved(trial.refinement.similarity)
+        say("measuring accuracy and completeness")
+        comparison = measure(source, target, within=within or WITHIN_M)
+    cautions = (*comparison.cautions, *(trial.cautions if trial else ()))
+    results = plain(
+        comparison_results(comparison)
+        | {"icp": trial_results(trial), "warnings": warning_results(cautions)}
+    )
+    if as_json:
+        _print_json(results)
+    else:
+        people.show_icp(_people(), results["icp"])
+        people.show_comparison(_people(), results)
+        people.show_warnings(_people(), results["warnings"])
+
+
+@app.command()
+def apply(
+    similarity: Annotated[Path, Existing],
+    source: Annotated[Path, Existing],
+    target: Annotated[Path, Existing],
+    inverse: Annotated[bool, typer.Option("--inverse", help="Carry it back.")] = False,
+    crs: Crs = "",
+    as_json: AsJson = False,
+) -> None:
+    """Carry a cloud into the frame: every attribute kept, normals turned, faces carried."""
+    fit, stated_crs = read_similarity(similarity)
+    with _progress() as say:
+        say(f"carrying {source.name} to {target.name}")
+        points, cautions = carry(
+            source,
+            target,
+            fit.inverse() if inverse else fit,
+            crs=crs or (None if inverse else stated_crs),
+        )
+    warnings = warning_results(cautions)
+    if as_json:
+        _print_json({"points": points, "path": str(target), "warnings": warnings})
+    else:
+        _people().print(f"{points:,} points written to {target}", markup=False)
+        people.show_warnings(_people(), warnings)
+
+
+@app.command()
+def audit(
+    projects: Annotated[list[Path], Existing],
+    out: Annotated[Path | None, typer.Option(help="Folder of the bundles.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run whole projects, each ending in a bundle: results, tables and clouds."""
+    raise typer.Exit(_audit(projects, out, as_json))
+
+
+def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
+    done: list[dict[str, Any]] = []
+    for path in projects:
+        project = trigpoint.read_project(path)
+        folder = bundle_folder(project, out)
+        with _progress() as say:
+            audit = trigpoint.audit(project, say=say)
+            say("hashing the inputs")
+            results = audit.results()
+            write_bundle(audit, results, folder, say=say)
+        done.append({"path": str(folder), "results": results})
+        if not as_json:
+            people.show_audit(_people(), results, str(folder))
+    if as_json:
+        _print_json({"audits": done})
+    return 1 if any(each["results"]["verdict"] == "FAIL" for each in done) else 0
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        message = f"{option} holds {text!r}; it must be a number."
+        raise RegionError(message) from error
+
+
+def _people() -> Console:
+    # Wide enough for the tables where there is no terminal to ask: a log, a pipe.
+    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, emoji=False)
+
+
+@contextmanager
+def _progress() -> Iterator[people.Say]:
+    """Show steps on standard error: a spinner on a terminal, plain lines elsewhere."""
+    console = Console(stderr=True, highlight=False, emoji=False)
+    if console.is_terminal:
+        with console.status("starting") as status:
+            yield status.update
+    else:
+        yield lambda step: console.print(step, markup=False)
+
+
+def _print_json(results: Any) -> None:
+    sys.stdout.write(to_json(results))
+
+
+def _fail(code: str, message: str) -> int:
+    line = " ".join(message.split())
+    if "--json" in sys.argv:
+        _print_json({"error": {"code": code, "message": line}})
+    else:
+        typer.echo(f"trigpoint: {line}", err=True)
+    return 2

@@ -1,0 +1,283 @@
+"""Results as tables for a person at a terminal: the same numbers as results.json, rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+Results = Mapping[str, Any]
+Say = Callable[[str], None]
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Format a number; a missing one is a dash."""
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def show_table(
+    console: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    note: str = "",
+) -> None:
+    """Print one table; the first column is text, the rest are numbers."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="right" if index else "left", no_wrap=True)
+    for row in rows:
+        # Ids come from the user's files: as Text they are data, not console markup.
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)
+    if note:
+        console.print(Text(note), style="dim")
+        console.print()
+
+
+def show_alignment(console: Console, results: Results, *, name: str = "") -> None:
+    """Print a similarity, its residuals, leave-one-out, reliability and check picks."""
+    alignment, loocv = results["alignment"], results["loocv"]
+    of = f" of {name}" if name else ""
+    tried = f"{alignment['trials']:,} samples, seed {alignment['seed']}"
+    how = {
+        "ransac": f"RANSAC ({tried})",
+        "exhaustive": f"all {alignment['trials']:,} minimal sets",
+        "all": "all picks, no consensus",
+    }[alignment["method"]]
+    agrees = {
+        True: "; trying every minimal set agrees",
+        False: "; trying every minimal set DISAGREES",
+        None: "",
+    }[alignment["exhaustive_agrees"]]
+    reliability = results["reliability"]
+    interval = ""
+    if reliability["scale_low"] is not None:
+        interval = f"{reliability['scale_low']:.6f} to {reliability['scale_high']:.6f}"
+    rows = [
+        ("scale", f"{alignment['scale']:.6f}", f"95 %: {interval}" if interval else ""),
+        (
+            "fit RMSE",
+            f"{number(alignment['rmse_m'])} m",
+            f"over {alignment['n']} of {len(alignment['residuals'])} control picks; "
+            f"{number(alignment['rmse_dof_m'])} m by {alignment['dof']} degrees of freedom",
+        ),
+        (
+            "leave-one-out RMSE",
+            f"{number(loocv['rmse_m'])} m",
+            f"{number(loocv['rmse_procedure_m'])} m with the consensus redone in each fold",
+        ),
+        (
+            "largest scale change",
+            f"{number(loocv['max_scale_change_pct'], 3)} %",
+            "when one pick is left out",
+        ),
+        (
+            "sigma of a coordinate",
+            f"{number(reliability['sigma0_m'])} m",
+            f"95 %: {number(reliability['sigma0_low_m'])} to "
+            f"{number(reliability['sigma0_high_m'])} m",
+        ),
+        ("geometry", reliability["geometry"], ""),
+        ("consensus", how, agrees.removeprefix("; ")),
+    ]
+    table = Table(
+        title=f"Similarity{of}",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_header=False,
+    )
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console.print(table)
+
+    folds = {fold["id"]: fold for fold in loocv["folds"]}
+    picks = {pick["id"]: pick for pick in reliability["picks"]}
+    lines = []
+    for residual in alignment["residuals"]:
+        fold, pick = folds.get(residual["id"], {}), picks.get(residual["id"], {})
+        lines.append(
+            (
+                residual["id"],
+                "yes" if residual["used"] else "REJECTED",
+                *(number(residual[key]) for key in ("dx_m", "dy_m", "dz_m", "d_m")),
+                number(fold.get("d_m")),
+                number(fold.get("scale_change_pct"), 3),
+                number(pick.get("redundancy"), 2),
+                number(pick.get("detectable_blunder_m"), 2),
+                "-" if pick.get("p_value") is None else f"{pick['p_value']:.3f}",
+                "SUSPECT" if pick.get("suspected") else "",
+            )
+        )
+    show_table(
+        console,
+        f"Control picks{of}: residuals are target - transformed source",
+        (
+            "pick",
+            "used",
+            "dE m",
+            "dN m",
+            "dh m",
+            "3D m",
+            "left out m",
+            "scale %",
+            "redund.",
+            "detectable m",
+            "p",
+            "",
+        ),
+        lines,
+        note=reliability["statement"],
+    )
+    checks = results["checks"]
+    if checks["n"]:
+        show_table(
+            console,
+            f"Check picks{of}: they enter nothing",
+            ("pick", "dE m", "dN m", "dh m", "3D m"),
+            [
+                (row["id"], *(number(row[key]) for key in ("dx_m", "dy_m", "dz_m", "d_m")))
+                for row in checks["residuals"]
+            ],
+            note=f"RMSE {number(checks['rmse_m'])} m over {checks['n']} check picks.",
+        )
+
+
+def show_icp(console: Console, icp: Results | None, *, name: str = "") -> None:
+    """Print ICP as the hypothesis it is: the rule first, then the numbers."""
+    if icp is None:
+        return
+    rows = []
+    for label, key in (
+        ("surface RMSE", "surface_rmse"),
+        ("control RMSE", "control_rmse"),
+        ("leave-one-out RMSE", "loocv_rmse"),
+        ("check RMSE", "check_rmse"),
+    ):
+        before, after = icp[f"{key}_before_m"], icp[f"{key}_after_m"]
+        if before is not None:
+            rows.append((label, number(before), number(after)))
+    verdict = {True: "retained", False: "not retained", None: "not judged: no picks"}[
+        icp["retained"]
+    ]
+    show_table(
+        console,
+        f"Rigid ICP{' of ' + name if name else ''}: {verdict}",
+        ("", "before m", "after m"),
+        rows,
+        note=f"{icp['rule']} It moved the centroid by {number(icp['shift_m'])} m and turned by "
+        f"{icp['rotation_deg']:.4f} deg in {icp['iterations']} iterations, "
+        f"{number(icp['overlap_pct'], 1)} % overlap.",
+    )
+
+
+def show_comparison(console: Console, comparison: Results, *, title: str = "") -> None:
+    """Print accuracy and completeness by zone."""
+    for direction, arrow in (
+        ("accuracy", "reconstruction to reference"),
+        ("completeness", "reference to reconstruction"),
+    ):
+        zones = comparison[direction]
+        thresholds = [each["threshold_m"] for each in zones["all"]["within"]]
+        rows = [
+            (
+                zone,
+                f"{row['n']:,}",
+                number(row["mean_m"]),
+                number(row["median_m"]),
+                number(row["rmse_m"]),
+                number(row["p95_m"]),
+                number(row["floor_rmse_m"]),
+                *(_share(each) for each in row["within"]),
+            )
+            for zone, row in zones.items()
+        ]
+        show_table(
+            console,
+            f"{direction.capitalize()}{title}: {arrow}",
+            (
+                "zone",
+                "n",
+                "mean m",
+                "median m",
+                "RMSE m",
+                "95 % m",
+                "floor m",
+                *(f"in {threshold:g} m %" for threshold in thresholds),
+            ),
+            rows,
+        )
+
+
+def _share(within: Results) -> str:
+    share = number(within["pct"], 1)
+    if within["low_pct"] is None:
+        return share
+    return f"{share} ({number(within['low_pct'], 1)}-{number(within['high_pct'], 1)})"
+
+
+def show_warnings(console: Console, warnings: Sequence[Results]) -> None:
+    """Print every caution with its code."""
+    for warning in warnings:
+        console.print(Text(f"! {warning['code']}: {warning['message']}"), style="yellow")
+
+
+def show_info(console: Console, info: Results) -> None:
+    """Print what a cloud or pick file is."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for key, value in info.items():
+        if key != "warnings" and value not in (None, [], ""):
+            table.add_row(Text(key.replace("_", " "), style="bold"), Text(_told(value)))
+    console.print(table)
+    show_warnings(console, info["warnings"])
+
+
+def show_audit(console: Console, results: Results, folder: str) -> None:
+    """Print a whole audit: every reconstruction, the limits, the verdict, and where it lies."""
+    for name, each in results["reconstructions"].items():
+        if each["alignment"] is not None:
+            show_alignment(console, each, name=name)
+        show_icp(console, each["icp"], name=name)
+        show_comparison(console, each["comparison"]["delivered"], title=f" of {name}, as delivered")
+        if each["comparison"]["after_icp"] is not None:
+            show_comparison(
+                console, each["comparison"]["after_icp"], title=f" of {name}, after ICP"
+            )
+    if results["criteria"]:
+        show_table(
+            console,
+            "Limits",
+            ("quantity", "of", "limit", "found", "margin", "met"),
+            [
+                (
+                    row["quantity"],
+                    row["of"],
+                    row["limit"],
+                    number(row["found"]),
+                    number(row["margin"]),
+                    "yes" if row["met"] else "NO",
+                )
+                for row in results["criteria"]
+            ],
+        )
+    show_warnings(console, results["warnings"])
+    console.print(Text(f"Verdict: {results['verdict']}", style="bold"))
+    console.print(Text(f"Result: {folder}"))
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:,.3f}"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_told(item)}" for key, item in value.items() if item is not None)
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(_told(item) for item in value)
+    return str(value)
