@@ -40,7 +40,7 @@ class Geometry:
     verdict : str
         "sound", "weak" or "refused".
     reasons : tuple of str
-        Clauses, the gravest first; empty where sound.
+        Clauses that led to the verdict; empty where sound.
     """
 
     verdict: Verdict
@@ -94,7 +94,7 @@ def judge(
             "a mirror image of the source fits at least ten times better: an axis points the wrong "
             "way in one of the frames"
         )
-    if not sigma <= REFUSED_DEG:
+    elif not sigma <= REFUSED_DEG:
         rmse = np.sqrt((adjustment.residuals**2).sum(axis=1).mean())
         known = f"known to {sigma:.1f}° (one sigma)" if sigma < 90 else "not known at all"
         refused.append(
@@ -112,7 +112,8 @@ def judge(
     if spreads[1] < NARROW * spreads[0]:
         weak.append(
             f"the picks lie along {axis_words(_line(target))}: they spread {spreads[1]:.3g} m "
-            f"across it against {spreads[0]:.3g} m along it, and the rotation about it hangs on it"
+            f"across it against {spreads[0]:.3g} m along it, and only that fixes the rotation "
+            f"about it"
         )
     weak += _equal(source, target, names)
     weak += _alone(adjustment, names)
@@ -122,7 +123,7 @@ def judge(
             f"certain than one pick: the picks do not reach it"
         )
     verdict: Verdict = "refused" if refused else "weak" if weak else "sound"
-    return Geometry(verdict, (*refused, *weak))
+    return Geometry(verdict, tuple(refused or weak))
 
 
 def rotation_axes(
@@ -171,7 +172,7 @@ def _equal(source: Points, target: Points, names: Sequence[str]) -> list[str]:
         return []
     copies = np.flatnonzero(counts[place.reshape(-1)] > 1).tolist()
     listed = ", ".join(sorted(names[i] for i in copies)) if len(copies) < 10 else str(len(copies))
-    return [f"of picks {listed} some are equal: a copy is no second measurement"]
+    return [f"picks {listed} hold copies of one another: a copy is no second measurement"]
 
 
 def _alone(adjustment: Adjustment, names: Sequence[str]) -> list[str]:
