@@ -258,6 +258,15 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["cloud.laz"]
 
 
+def test_faces_that_a_format_can_not_hold_are_named(tmp_path):
+    mesh = PointCloud(np.eye(3), UTM, {}, None, np.array([[0, 1, 2]]))
+    assert write(tmp_path / "mesh.ply", mesh) == ()
+    for suffix in (".laz", ".csv"):
+        cautions = write(tmp_path / f"mesh{suffix}", mesh)
+        assert codes(cautions) == ["attribute_dropped"]
+        assert "1 faces" in cautions[0].message
+
+
 @pytest.mark.parametrize("suffix", WRITABLE)
 def test_points_that_are_nowhere_are_not_written(tmp_path, suffix):
     cloud = cloud_at(UTM, n=10)
@@ -283,6 +292,11 @@ def test_nothing_to_write_is_refused(tmp_path):
 def test_what_can_not_be_written_is_refused_by_name(tmp_path):
     with pytest.raises(CloudError, match=r"cloud\.e57 can't be written; these can: \.las, \.laz"):
         write(tmp_path / "cloud.e57", cloud_at(UTM))
+    with pytest.raises(CloudError, match=r"cloud\.copc\.laz can't be written"):
+        write(tmp_path / "cloud.copc.laz", cloud_at(UTM))
+    (tmp_path / "folder.laz").mkdir()
+    with pytest.raises(CloudError, match=r"folder\.laz can't be written: "):
+        write(tmp_path / "folder.laz", cloud_at(UTM))
     with pytest.raises(CloudError, match="there is no folder"):
         write(tmp_path / "nowhere" / "cloud.laz", cloud_at(UTM))
 

@@ -201,6 +201,7 @@ def test_the_module_is_used_where_there_is_one(bpf, monkeypatch, points):
                 [COMMAND, "pipeline", "--stdin"], input=self.stages, text=True, check=True
             )
 
+    monkeypatch.delenv("TRIGPOINT_PDAL", raising=False)
     monkeypatch.setitem(sys.modules, "pdal", types.SimpleNamespace(Pipeline=Pipeline))
     assert len(read(bpf)) == len(points)
     assert len(ran) == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import uuid
 from collections.abc import Iterable, Iterator
@@ -19,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from trigpoint.cautions import Caution
 from trigpoint.cloud import PointCloud, concatenate
 from trigpoint.crs import conversion_cautions, metre_factors, parse_crs
-from trigpoint.errors import CloudError, CrsError, MissingPackageError, TrigpointError
-from trigpoint.formats import foreign
+from trigpoint.errors import CloudError, CrsError
+from trigpoint.formats.registry import READERS, WRITERS, backend_of, named, opened
 from trigpoint.formats.source import Box, Chunk, Plan, Source
 from trigpoint.similarity import Similarity
 
@@ -30,26 +29,6 @@ Bounds = tuple[ArrayLike, ArrayLike]
 CHUNK = 1_000_000
 # Coordinates stored in steps above this, in metres, can't show centimetres.
 COARSE_M = 0.01
-
-READERS = {
-    ".las": "las",
-    ".laz": "las",
-    ".ply": "ply",
-    ".e57": "e57",
-    ".pcd": "pcd",
-    ".xyz": "text",
-    ".csv": "text",
-    ".txt": "text",
-    ".asc": "text",
-}
-WRITERS = {
-    ".las": "las",
-    ".laz": "las",
-    ".ply": "ply",
-    ".xyz": "text",
-    ".csv": "text",
-    ".txt": "text",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,12 +113,12 @@ def stream(
         If the format needs a package that is not installed.
     """
     path = Path(path)
-    source, faults = _opened(path)
+    source, faults = opened(path)
     frame = parse_crs(crs) or source.crs
     factors, box = metre_factors(frame), _box(bounds)
 
     def pieces() -> Iterator[PointCloud]:
-        with _named(path, faults):
+        with named(path, faults):
             yield from _clouds(source.chunks(chunk, attributes, box), frame, factors, box)
 
     return pieces()
@@ -157,7 +136,7 @@ def describe(path: PathLike, *, crs: str | pyproj.CRS | None = None) -> CloudInf
         Assigned in place of what the file says.
     """
     path = Path(path)
-    source, faults = _opened(path)
+    source, faults = opened(path)
     assigned = parse_crs(crs)
     frame = assigned or source.crs
     doubts = [c for c in source.cautions if assigned is None or not c.code.startswith("crs_")]
@@ -170,7 +149,7 @@ def describe(path: PathLike, *, crs: str | pyproj.CRS | None = None) -> CloudInf
 
     points, extent = source.points, source.extent
     if points is None or extent is None:
-        with _named(path, faults):
+        with named(path, faults):
             points, dropped, extent = _surveyed(source.chunks(CHUNK, False, None))
         if dropped:
             message = (
@@ -226,7 +205,7 @@ def write(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in WRITERS:
+    if suffix not in WRITERS or path.name.lower().endswith(".copc.laz"):
         message = f"{path.name} can't be written; these can: {', '.join(WRITERS)}."
         raise CloudError(message)
     if not path.parent.is_dir():
@@ -244,10 +223,13 @@ def write(
         Path(like) if like is not None and READERS.get(Path(like).suffix.lower()) == "las" else None
     )
     chunks = _checked(chain([first], pieces), first, factors)
+    backend = backend_of(WRITERS[suffix], path)
     with _beside(path) as draft:
-        return tuple(
-            _backend(WRITERS[suffix], path).write(draft, chunks, Plan(first.crs, box, pattern))
-        )
+        cautions: tuple[Caution, ...] = backend.write(draft, chunks, Plan(first.crs, box, pattern))
+    if first.faces is not None and suffix != ".ply":
+        message = f"{suffix} can't hold the {len(first.faces):,} faces of the mesh: PLY can."
+        cautions = (*cautions, Caution("attribute_dropped", message))
+    return cautions
 
 
 def carry(
@@ -285,63 +267,6 @@ def carry(
 
     cautions = write(target, moved(), like=source)
     return count, cautions
-
-
-def _opened(path: Path) -> tuple[Source, tuple[type[Exception], ...]]:
-    if not path.exists():
-        message = f"{path}: there is no such file."
-        raise CloudError(message)
-    if path.is_dir() and (path / "ept.json").exists():
-        path = path / "ept.json"
-    backend = _backend(_reader(path), path)
-    with _named(path, backend.FAULTS):
-        return backend.opened(path), backend.FAULTS
-
-
-def _reader(path: Path) -> str:
-    suffix = path.suffix.lower()
-    if other := foreign.recognised(path):
-        message = f"{path.name} is not a point cloud: it is {other}."
-        raise CloudError(message)
-    if suffix in READERS:
-        return READERS[suffix]
-    pdal = _backend("pdal", path)
-    if pdal.reader_of(path):
-        return "pdal"
-    known = ", ".join([*READERS, *pdal.READERS])
-    message = (
-        f"{path.name}: {suffix or 'no suffix'} is not a format known here; these are: {known}."
-    )
-    raise CloudError(message)
-
-
-def _backend(name: str, path: Path) -> Any:
-    try:
-        return importlib.import_module(f"trigpoint.formats.{name}")
-    except ImportError as error:
-        message = (
-            f"{path.name}: {path.suffix} files need the package {error.name}, which is not "
-            f"installed here: pip install {error.name}"
-        )
-        raise MissingPackageError(message) from error
-
-
-@contextmanager
-def _named(path: Path, faults: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Turn what is said about a broken file into one error that names the file."""
-    try:
-        yield
-    except (CloudError, MissingPackageError) as error:
-        if path.name in str(error):
-            raise
-        message = f"{path.name}: {error}"
-        raise type(error)(message) from error
-    except TrigpointError:
-        raise
-    except faults as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        message = f"{path.name} can't be read as {path.suffix.lstrip('.').upper()}: {reason}"
-        raise CloudError(message) from error
 
 
 def _clouds(
@@ -467,5 +392,8 @@ def _beside(path: Path) -> Iterator[Path]:
     try:
         yield draft
         draft.replace(path)
+    except OSError as error:
+        message = f"{path} can't be written: {error.strerror or error}"
+        raise CloudError(message) from error
     finally:
         draft.unlink(missing_ok=True)

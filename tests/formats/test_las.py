@@ -158,10 +158,48 @@ def test_fractions_under_a_standard_name_keep_their_values(tmp_path):
     )
 
 
+def test_whole_numbers_of_a_table_become_standard_dimensions(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "x,y,z,intensity,return_number,number_of_returns,classification,withheld,red,green,blue\n"
+        "1,2,3,500,2,3,6,1,65535,0,7\n4,5,6,501,1,1,2,0,1,2,3\n"
+    )
+    carry(tmp_path / "a.csv", tmp_path / "a.laz", STAY)
+    back = laspy.read(tmp_path / "a.laz")
+    assert back.point_format.id == 7
+    assert list(back.point_format.extra_dimension_names) == []
+    assert np.array(back.return_number).tolist() == [2, 1]
+    assert np.array(back.withheld).tolist() == [1, 0]
+    assert np.array(back.red).tolist() == [65_535, 1]
+
+
+def test_one_colour_alone_and_wide_rows_are_extra_dimensions(tmp_path):
+    rng = np.random.default_rng(6)
+    attributes = {
+        "red": np.array([3, 4], np.uint8),
+        "histogram": rng.normal(size=(2, 5)).astype(np.float32),
+        "pair": rng.normal(size=(2, 2)),
+        "half": np.array([0.5, 1], np.float16),
+        "yes": np.array([True, False]),
+    }
+    assert write(tmp_path / "a.laz", PointCloud(np.zeros((2, 3)), UTM, attributes)) == ()
+    back = read(tmp_path / "a.laz").attributes
+    for name in ("red", "pair", "half", "yes"):
+        np.testing.assert_array_equal(back[name], attributes[name])
+    np.testing.assert_array_equal(back["histogram_4"], attributes["histogram"][:, 4])
+
+
 def test_a_value_that_does_not_fit_is_refused(tmp_path):
     cloud = PointCloud(np.zeros((2, 3)), UTM, {"classification": np.array([2, 300])})
     with pytest.raises(CloudError, match="'classification' holds 2 to 300, and LAS allows"):
         write(tmp_path / "cloud.laz", cloud)
+
+
+def test_a_value_beyond_the_scaling_of_its_dimension_is_refused(tmp_path):
+    extra = [laspy.ExtraBytesParams("height", "i2", offsets=[0.0], scales=[0.5])]
+    las_file(tmp_path / "a.laz", extra=extra)
+    cloud = PointCloud(np.zeros((1, 3)), UTM, {"height": np.array([1e6])})
+    with pytest.raises(CloudError, match="'height' does not fit the scaling"):
+        write(tmp_path / "b.laz", cloud, like=tmp_path / "a.laz")
 
 
 def test_what_las_can_not_hold_is_named(tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 
 from trigpoint.formats.rows import fields, head, is_number
 
+_EXPORT = "export its points as PLY (colmap model_converter --output_type PLY)"
 _COLMAP = ("cameras", "images", "points3D", "frames", "rigs")
 _TEXT = frozenset({".txt", ".csv", ".xyz", ".asc", ".log", ".tum", ".points", ".json", ".dat", ""})
 
@@ -25,9 +26,6 @@ def recognised(path: Path) -> str | None:
         return _json(path)
     lines = [line for line in head(path) if line.strip()]
     return _text(lines) if lines else None
-
-
-_EXPORT = "export its points as PLY (colmap model_converter --output_type PLY)"
 
 
 def _json(path: Path) -> str | None:
@@ -69,22 +67,21 @@ def _text(lines: list[str]) -> str | None:
         return "a list of ground control points (gcp_list.txt): they are image observations"
     if not all(is_number(field) for row in rows[:8] for field in row):
         return None
-    if len(rows) == 4 and widths == [4] * 4 and [float(f) for f in rows[3]] == [0, 0, 0, 1]:
+    numbers = [[float(field.replace(",", ".")) for field in row] for row in rows[:8]]
+    if len(rows) == 4 and widths == [4] * 4 and numbers[3] == [0, 0, 0, 1]:
         return "a 4x4 transformation matrix"
     if widths == [3, 3, 3, 3, 1]:
         return "the parameters of a similarity: rotation, translation and scale"
     if widths[:6] == [3, 4, 4, 4, 4, 3]:
         return "a camera trajectory (.log, as Redwood and Tanks and Temples write it)"
-    if set(widths) == {8} and all(_is_unit(row[4:]) for row in rows[:8]):
+    if set(widths) == {8} and _is_trajectory(numbers):
         return "a trajectory (TUM: time, position, quaternion)"
-    if widths[:2] == [1, 1]:
-        return (
-            "a table of image numbers, as Tanks and Temples writes it"
-            if set(widths[2:]) == {2}
-            else None
-        )
+    if widths[:2] == [1, 1] and set(widths[2:]) == {2}:
+        return "a table of image numbers, as Tanks and Temples writes it"
     return None
 
 
-def _is_unit(quaternion: list[str]) -> bool:
-    return abs(sum(float(part) ** 2 for part in quaternion) - 1) < 1e-3
+def _is_trajectory(rows: list[list[float]]) -> bool:
+    times = [row[0] for row in rows]
+    lengths = [sum(part**2 for part in row[4:]) for row in rows]
+    return times == sorted(times) and all(abs(length - 1) < 1e-3 for length in lengths)

@@ -21,7 +21,7 @@ from pyproj.exceptions import CRSError
 from trigpoint.cautions import Caution
 from trigpoint.crs import header_crs
 from trigpoint.errors import CloudError
-from trigpoint.formats.source import Attributes, Box, Chunk, Plan, Source
+from trigpoint.formats.source import Attributes, Box, Chunk, Plan, Source, columns_of
 
 # What laspy and lazrs raise for a broken file.
 FAULTS = (laspy.LaspyException, lazrs.LazrsError, OSError, ValueError, IndexError, KeyError)
@@ -74,7 +74,7 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
     """
     first = next(chunks)
     pattern = _header(plan.like) if plan.like else None
-    layout, dropped = _layout(first.attributes, pattern)
+    layout, dropped = _layout(_spread(first.attributes), pattern)
     header = laspy.LasHeader(version="1.4", point_format=_point_format(first.attributes))
     header.generating_software = header.system_identifier = "trigpoint"
     # laspy writes today for None.
@@ -182,11 +182,8 @@ class _Slot(NamedTuple):
 def _layout(
     attributes: Attributes, pattern: laspy.LasHeader | None
 ) -> tuple[list[_Slot], list[Caution]]:
-    standard = {
-        d.name: d
-        for d in laspy.PointFormat(_point_format(attributes)).dimensions
-        if d.name not in _COORDINATES
-    }
+    names = laspy.PointFormat(_point_format(attributes)).dimension_names
+    standard = set(names) - _COORDINATES
     scaled = {d.name: d for d in pattern.point_format.extra_dimensions} if pattern else {}
     slots: list[_Slot] = []
     dropped: list[Caution] = []
@@ -195,7 +192,7 @@ def _layout(
             dropped.append(Caution("attribute_dropped", f"LAS can't hold {name!r}: {reason}."))
         elif name == "scan_angle_rank":
             slots.append(_Slot(name, "scan_angle", lambda v: np.rint(v / 0.006)))
-        elif name in _COLOURS and values.dtype == np.uint8:
+        elif name in _COLOURS & standard and values.dtype == np.uint8:
             slots.append(_Slot(name, name, lambda v: v.astype(np.uint16) * np.uint16(257)))
         elif name in standard and values.ndim == 1 and _is_whole(name, values):
             slots.append(_Slot(name, name, lambda v: v))
@@ -206,26 +203,38 @@ def _layout(
     return slots, dropped
 
 
+def _spread(attributes: Attributes) -> Attributes:
+    """Put what is too wide for an extra dimension into several; LAS takes three, or any bytes."""
+    wide = {
+        name: values
+        for name, values in attributes.items()
+        if values.ndim == 2
+        and (values.shape[1] == 1 or (values.shape[1] > 3 and values.dtype != np.uint8))
+    }
+    return {n: v for n, v in attributes.items() if n not in wide} | columns_of(wide)
+
+
 def _unfit(name: str, values: Values) -> str:
     if name in _WAVEFORM:
         return "it points into waveforms, which are not carried"
-    if values.dtype.kind not in "biuf":
-        return "it is not a number"
+    if values.dtype.kind not in "biuf" or values.ndim > 2:
+        return "it is not a number, nor a row of numbers"
     if len(name.encode()) > 32:
         return "its name is longer than 32 bytes"
     return ""
 
 
 def _is_whole(name: str, values: Values) -> bool:
-    return (
-        name == "gps_time" or values.dtype.kind in "biu" or bool((values == np.rint(values)).all())
-    )
+    if name == "gps_time" or values.dtype.kind in "biu":
+        return True
+    # Scanners give intensity as a share of one: whole numbers at the beginning prove nothing.
+    if name == "intensity" and values.dtype == np.float32:
+        return False
+    return bool((values == np.rint(values)).all())
 
 
 def _extra(name: str, dimension: str, values: Values, like: Any) -> _Slot:
-    dtype = {"b": np.dtype("u1"), "f2": np.dtype("f4")}.get(
-        "b" if values.dtype.kind == "b" else values.dtype.str[1:], values.dtype
-    )
+    dtype = np.dtype({"b1": "u1", "f2": "f4"}.get(values.dtype.str[1:], values.dtype.str[1:]))
     if values.ndim == 2:
         dtype = np.dtype((dtype, (values.shape[1],)))
     kept: dict[str, Any] = {}
@@ -280,30 +289,31 @@ def _packed(chunk: Chunk, header: laspy.LasHeader, layout: list[_Slot]) -> Any:
         record[name] = steps[:, axis].astype(np.int32)
     if "return_number" not in chunk.attributes:
         record["return_number"] = record["number_of_returns"] = np.ones(len(steps), np.uint8)
+    attributes = _spread(chunk.attributes)
     for slot in layout:
-        values = slot.convert(chunk.attributes[slot.attribute])
-        _refuse_overflow(
-            slot.attribute, values, header.point_format.dimension_by_name(slot.dimension)
-        )
-        record[slot.dimension] = values
+        values = slot.convert(attributes[slot.attribute])
+        if slot.extra is None and slot.dimension != "gps_time":
+            values = _whole(slot.attribute, values, record.point_format, slot.dimension)
+        try:
+            record[slot.dimension] = values
+        except OverflowError as error:
+            message = f"{slot.attribute!r} does not fit the scaling of {slot.dimension!r}: {error}"
+            raise CloudError(message) from error
     return record
 
 
-def _refuse_overflow(name: str, values: Values, dimension: Any) -> None:
-    if not dimension.is_standard or not len(values):
-        return
+def _whole(name: str, values: Values, point_format: Any, dimension: str) -> Values:
+    """Return the values as whole numbers that fit a standard dimension."""
+    allowed = point_format.dimension_by_name(dimension)
     low, high = values.min(), values.max()
-    whole = (
-        dimension.name == "gps_time"
-        or values.dtype.kind != "f"
-        or (values == np.rint(values)).all()
-    )
-    if low < dimension.min or high > dimension.max or not whole:
+    is_whole = values.dtype.kind != "f" or (values == np.rint(values)).all()
+    if low < allowed.min or high > allowed.max or not is_whole:
         message = (
-            f"{name!r} holds {low} to {high}, and LAS allows whole numbers from {dimension.min} "
-            f"to {dimension.max} under that name: give it another name."
+            f"{name!r} holds {low} to {high}, and LAS allows whole numbers from {allowed.min} "
+            f"to {allowed.max} under that name: give it another name."
         )
         raise CloudError(message)
+    return values.astype(np.int64)
 
 
 def _coarse(header: laspy.LasHeader) -> Caution:

@@ -25,7 +25,7 @@ from trigpoint.formats.source import Box, Chunk, Source
 
 FAULTS = (*las.FAULTS, subprocess.SubprocessError, TypeError)
 
-# By the end of the name; all in PDAL 2.2 except where a distribution leaves a plugin out.
+# By the end of the name. Some came after PDAL 2.2, and some are plugins: PDAL says so itself.
 READERS = {
     "ept.json": "readers.ept",
     ".bpf": "readers.bpf",
@@ -43,8 +43,6 @@ READERS = {
     ".rxp": "readers.rxp",
     ".sbet": "readers.sbet",
     ".slpk": "readers.slpk",
-    ".tif": "readers.gdal",
-    ".tiff": "readers.gdal",
     ".tindex": "readers.tindex",
 }
 # What PDAL calls the colours that point format 6 has no place for.
@@ -106,7 +104,7 @@ def opened(path: Path) -> Source:
 
 
 def run(stages: str) -> None:
-    """Run a pipeline with the pdal module, or else with the pdal command.
+    """Run a pipeline with the command in TRIGPOINT_PDAL, the pdal module, or the pdal command.
 
     Raises
     ------
@@ -115,11 +113,12 @@ def run(stages: str) -> None:
     MissingPackageError
         If there is no PDAL.
     """
-    command = os.environ.get("TRIGPOINT_PDAL") or shutil.which("pdal")
+    named = os.environ.get("TRIGPOINT_PDAL")
     try:
-        module = importlib.import_module("pdal")
+        module = None if named else importlib.import_module("pdal")
     except ImportError:
         module = None
+    command = named or shutil.which("pdal")
     if module is not None:
         try:
             module.Pipeline(stages).execute()

@@ -83,7 +83,7 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
     """
     cautions: dict[str, Caution] = {}
     if plan.crs is not None:
-        message = f"PLY holds no CRS: {path.name} is in {plan.crs.name}."
+        message = f"PLY holds no CRS: the coordinates written are in {plan.crs.name}."
         cautions["crs"] = Caution("crs_missing", message)
     faces: list[NDArray[np.int64]] = []
     points, record = 0, None

@@ -66,7 +66,8 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
             )
     if plan.crs is None:
         return ()
-    return (Caution("crs_missing", f"a table holds no CRS: {path.name} is in {plan.crs.name}."),)
+    message = f"a table holds no CRS: the coordinates written are in {plan.crs.name}."
+    return (Caution("crs_missing", message),)
 
 
 def _layout(path: Path) -> _Layout:
@@ -133,7 +134,8 @@ def _chunks(
         usecols=None if attributes else axes,
         dtype={n: str if n in layout.words else np.float64 for n in layout.names},
         skipinitialspace=True,
-        comment="#",
+        # A word may hold the mark.
+        comment=None if layout.words else "#",
         encoding="utf-8-sig",
         chunksize=size,
         **EXACT,
