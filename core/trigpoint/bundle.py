@@ -76,6 +76,7 @@ def _tables(folder: Path, name: str, found: dict[str, Any]) -> None:
         write_csv(folder / f"picks-{name}.csv", found["alignment"]["residuals"])
         write_csv(folder / f"loocv-{name}.csv", found["loocv"]["folds"])
         write_csv(folder / f"reliability-{name}.csv", found["reliability"]["picks"])
+        write_csv(folder / f"next-picks-{name}.csv", found["reliability"]["next_picks"])
         if found["checks"]["n"]:
             write_csv(folder / f"checks-{name}.csv", found["checks"]["residuals"])
     zones, shares = [], []

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from trigpoint.errors import ConsensusError, DegeneratePicksError
+from trigpoint.errors import ConsensusError, DegeneratePicksError, SettingError
 from trigpoint.minimal import COLLAPSED, all_triples, draw_triples, fit_triples, score
 from trigpoint.similarity import (
     Points,
@@ -138,7 +138,7 @@ def ransac(
     refuse_lines(source, target)
     if trials < 1:
         message = f"trials is {trials}; it must be at least 1."
-        raise ValueError(message)
+        raise SettingError(message)
     drawn = draw_triples(len(source), trials, np.random.Generator(np.random.PCG64(seed)))
     triples, times = np.unique(drawn, axis=0, return_counts=True)
     return _search(source, target, weights, threshold, triples, times, method="ransac", seed=seed)
@@ -187,7 +187,7 @@ def exhaustive(
             f"{len(source)} picks have {sets:,} sets of three; at most {MOST_SETS:,} are tried one "
             f"and all (40 picks). Use ransac."
         )
-        raise ValueError(message)
+        raise SettingError(message)
     triples = all_triples(len(source))
     times = np.ones(len(triples), np.int64)
     return _search(source, target, weights, threshold, triples, times, method="exhaustive")
@@ -230,7 +230,7 @@ def _search(
     """Score distinct triples, each tried so many times, and keep the best stable set."""
     if not (np.isfinite(threshold) and threshold > 0):
         message = f"threshold is {threshold} m; it must be a finite number above zero."
-        raise ValueError(message)
+        raise SettingError(message)
     # A triple names positions in this order: what is drawn does not depend on how picks came in.
     order = canonical_order(source, target)
     source, target, weights = source[order], target[order], weights[order]

@@ -14,6 +14,7 @@ import numpy as np
 
 from trigpoint.errors import ProjectError
 from trigpoint.project import Limit, Project
+from trigpoint.zones import height_zones
 
 Verdict = Literal["PASS", "CONDITIONAL", "FAIL", "NOT TESTED"]
 
@@ -51,10 +52,11 @@ def check_quantities(project: Project) -> None:
     ``comparison.delivered.completeness.upper.within[0.10].pct``. To be called before the work
     starts: hours of it should not end in a spelling mistake.
     """
+    zones = ("all", *height_zones(0.0, 1.0, fractions=project.comparison.zones).names)
     for limit in project.limits:
         node = schema()["properties"]["reconstructions"]["additionalProperties"]
         for step in _STEP.findall(limit.quantity):
-            node = _schema_below(node, step, limit.quantity, project.comparison.within_m)
+            node = _schema_below(node, step, limit.quantity, project.comparison.within_m, zones)
         if not {"number", "integer"} & set(np.atleast_1d(_resolved(node).get("type", []))):
             message = f"[limit] quantity '{limit.quantity}' is no number in results.json."
             raise ProjectError(message)
@@ -133,10 +135,16 @@ def _resolved(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _schema_below(
-    node: dict[str, Any], step: str, quantity: str, within_m: tuple[float, ...]
+    node: dict[str, Any],
+    step: str,
+    quantity: str,
+    within_m: tuple[float, ...],
+    zones: tuple[str, ...],
 ) -> dict[str, Any]:
     node = _resolved(node)
-    properties = node.get("properties", {})
+    properties = dict(node.get("properties", {}))
+    if isinstance(node.get("additionalProperties"), dict):
+        properties |= dict.fromkeys(zones, node["additionalProperties"])
     if match := _WITHIN.fullmatch(step):
         if float(match[1]) not in within_m:
             message = (
@@ -149,8 +157,6 @@ def _schema_below(
         return properties[step]  # type: ignore[no-any-return]
     if node.get("type") == "array" and step.isdigit() and int(step) < node.get("maxItems", 0):
         return node["items"]  # type: ignore[no-any-return]
-    if isinstance(node.get("additionalProperties"), dict):
-        return node["additionalProperties"]  # type: ignore[no-any-return]
     near = difflib.get_close_matches(step, properties, n=1)
     hint = f" Did you mean '{near[0]}'?" if near else f" Known: {', '.join(properties)}."
     message = f"[limit] quantity '{quantity}' has no '{step}' in results.json.{hint}"

@@ -11,6 +11,7 @@
     ├── SimilarityError       (ValueError)   a similarity file holds none
     ├── RegionError           (ValueError)   the evaluation region or its zones are unusable
     ├── RefinementError       (ValueError)   ICP did nothing, or had nothing to work on
+    ├── SettingError          (ValueError)   a setting is out of its range
     ├── ProjectError          (ValueError)   a project file is wrong
     └── MissingPackageError   (ImportError)  an optional package is needed here
 
@@ -72,6 +73,12 @@ class RefinementError(TrigpointError, ValueError):
     """ICP did nothing, or had nothing to work on."""
 
     code = "refinement"
+
+
+class SettingError(TrigpointError, ValueError):
+    """A setting is out of its range."""
+
+    code = "setting"
 
 
 class ProjectError(TrigpointError, ValueError):

@@ -35,9 +35,10 @@ from trigpoint.trial import Trial
 
 SCHEMA = "trigpoint-results/1"
 PACKAGES = ("numpy", "scipy", "pandas", "laspy", "lazrs", "plyfile", "pykdtree", "shapely")
-# Places on the reference that are judged as the next pick, and how far apart those listed lie.
+# Places on the reference that are judged as the next pick, and how far apart those listed lie, as
+# a share of its diagonal.
 CANDIDATES = 2_000
-APART_M = 2.0
+APART = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,9 +167,8 @@ def _next_picks(judged: Judged, reference: Reference) -> Any:
     places = reference.cloud.coordinates
     corners = judged.alignment.reliability.corners[["x", "y", "z"]].to_numpy()
     every = max(1, len(places) // CANDIDATES)
-    return next_picks(
-        judged.alignment.reliability, places[::every], corners, count=3, apart=APART_M
-    )
+    apart = APART * float(np.linalg.norm(reference.high - reference.low))
+    return next_picks(judged.alignment.reliability, places[::every], corners, count=3, apart=apart)
 
 
 def _cross_checks(project: Project, judged: Judged) -> Iterator[CrossCheck]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from trigpoint.cautions import Caution
-from trigpoint.errors import RefinementError
+from trigpoint.errors import RefinementError, SettingError
 from trigpoint.similarity import Points, Similarity
 from trigpoint.surface import Surface, in_order, thinned
 
@@ -130,7 +130,7 @@ def icp(
     ------
     RefinementError
         If the clouds do not overlap, before or after, or cannot hold a movement at all.
-    ValueError
+    SettingError
         If a setting is out of its range.
 
     References
@@ -366,13 +366,13 @@ def _rms(distances: NDArray[np.float64]) -> float:
 def _check_settings(method: str, max_distance: float, trim: float, iterations: int) -> None:
     if method not in get_args(Method):
         message = f"method is {method!r}; it must be one of {', '.join(get_args(Method))}."
-        raise ValueError(message)
+        raise SettingError(message)
     if not (np.isfinite(max_distance) and max_distance > 0):
         message = f"max_distance is {max_distance}; it must be above zero, in metres."
-        raise ValueError(message)
+        raise SettingError(message)
     if not 0 <= trim < 1:
         message = f"trim is {trim}; it is the share of pairs left out, from 0 to below 1."
-        raise ValueError(message)
+        raise SettingError(message)
     if iterations < 1:
         message = f"iterations is {iterations}; ICP that makes none has done nothing."
-        raise ValueError(message)
+        raise SettingError(message)

@@ -206,4 +206,8 @@ def _reliability(alignment: Alignment) -> dict[str, Any]:
         "picks": picks,
         "geometry": worth.geometry,
         "statement": worth.statement,
+        # What needs more than the picks is left to the audit.
+        "zones": {},
+        "next_picks": [],
+        "cross_checks": [],
     }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cautions import Caution
-from trigpoint.errors import DegeneratePicksError, RefinementError
+from trigpoint.errors import DegeneratePicksError, RefinementError, SettingError
 from trigpoint.refinement import Method, Refinement, icp
 from trigpoint.similarity import Points, Similarity, canonical_order, check_pairs, umeyama
 from trigpoint.surface import Surface, in_order, thinned
@@ -113,12 +113,12 @@ def judge(
     ------
     RefinementError
         If the whole cloud cannot be refined.
-    ValueError
+    SettingError
         If a setting is out of its range, or picks come without their similarity.
     """
     if similarity is None and (controls is not None or checks is not None):
         message = "Picks were given without the similarity that carries their source to the target."
-        raise ValueError(message)
+        raise SettingError(message)
     surface = target if isinstance(target, Surface) else Surface(target)
 
     def refine(cloud: Points) -> Refinement:

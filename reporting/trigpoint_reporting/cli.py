@@ -116,8 +116,8 @@ def align(
         Method, typer.Option(help="How picks that agree are found; all: no consensus.")
     ] = "ransac",
     threshold: Annotated[float, typer.Option(help="Inlier threshold in metres.")] = 0.50,
-    trials: Annotated[int, typer.Option(help="Sets of three picks drawn by ransac.")] = 10_000,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 42,
+    trials: Annotated[int, typer.Option(min=1, help="Sets of three picks drawn by ransac.")] = 10_000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 42,
     weighted: Annotated[
         bool, typer.Option("--weighted", help="Weight by the picks' sigmas.")
     ] = False,
@@ -147,7 +147,7 @@ def align(
 def compare(
     reconstruction: Annotated[Path, Existing],
     reference: Annotated[Path, Existing],
-    voxel: Annotated[float, typer.Option(help="Voxel size in metres; 0: no thinning.")] = 0.10,
+    voxel: Annotated[float, typer.Option(min=0, help="Voxel size in metres; 0: no thinning.")] = 0.10,
     within: Annotated[
         list[float] | None,
         typer.Option(help="A distance in metres; may be repeated. By default 0.05, 0.10, 0.20."),
