@@ -95,6 +95,13 @@ def test_trap_4_a_tower_edge_is_refused_although_its_rmse_is_small(seed, offset)
         assert "weak_geometry" in [caution.code for caution in worth.cautions]
 
 
+def test_trap_4_a_boastful_sigma_does_not_talk_a_tower_edge_sound(offset):
+    source, target = scene("near-collinear", offset=offset)
+    worth = assess(source, target, umeyama(source, target), sigma_target=np.full(6, 1e-4))
+    assert worth.geometry == "refused"
+    assert "sigmas_doubtful" in [caution.code for caution in worth.cautions]
+
+
 def test_trap_4_the_sigma_about_a_short_lever_is_that_of_draws():
     rng = np.random.default_rng(3)
     source = np.column_stack([rng.normal(0, 0.1, (6, 2)), np.linspace(0, 15, 6)])

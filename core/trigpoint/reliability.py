@@ -25,6 +25,7 @@ from trigpoint.similarity import (
 )
 
 CONFIDENCE = 0.95
+REFUTED = 0.025  # on either side, of the test of residuals against stated sigmas
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,18 +215,20 @@ def assess(
 
     corners, extrapolation = _corners(extent, target, adjustment.centroid, covariance)
     corner = float(corners.to_numpy()[:, 3:].max(initial=0.0))
+    # A stated sigma that the residuals refute does not talk the layout sound.
+    excess = sigma0 / sigma if global_p < REFUTED else 1.0
     geometry = judge(
         source[order],
         target[order],
         adjustment,
-        covariance[1:4, 1:4],
+        covariance[1:4, 1:4] * excess**2,
         doubt=1.0 if stated is not None else float(high),
         corner_ratio=corner / sigma if sigma > 0 else 0.0,
         names=[names[i] for i in order],
     )
     statement = _statement(geometry.verdict, geometry.reasons, count, noise, sigma, exact)
     cautions += pick_cautions(picks, names, known=stated is not None)
-    if stated is not None and not 0.025 <= global_p <= 0.975:
+    if stated is not None and not REFUTED <= global_p <= 1 - REFUTED:
         word = "larger" if global_p < 0.5 else "smaller"
         message = (
             f"The residuals are {word} than the stated sigmas allow: they show {sigma0:.3g} m per "
