@@ -1,0 +1,187 @@
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import trigpoint
+from trigpoint.similarity import umeyama
+from trigpoint_reporting import cli
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command line in this process: exit code, standard output, standard error."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["trigpoint", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        captured = capsys.readouterr()
+        return stop.value.code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def small(small_project):
+    path, _ = small_project()
+    return path.parent
+
+
+def test_version_is_printed(run):
+    assert run("--version") == (0, f"trigpoint {trigpoint.__version__}\n", "")
+
+
+def test_no_command_shows_the_commands(run):
+    code, out, err = run()
+    assert code == 2
+    for command in ("demo", "new", "info", "align", "compare", "apply", "audit"):
+        assert command in out + err
+
+
+def test_new_lays_out_a_project_that_can_be_read(run, tmp_path):
+    code, out, _ = run("new", tmp_path / "site")
+    assert code == 0
+    assert out.splitlines() == [
+        str(tmp_path / "site" / name) for name in ("project.toml", "picks.csv")
+    ]
+    assert trigpoint.read_project(tmp_path / "site" / "project.toml").about.id == "my-building"
+    assert len(trigpoint.read_picks(tmp_path / "site" / "picks.csv")) == 0
+
+
+def test_new_overwrites_nothing(run, tmp_path):
+    run("new", tmp_path)
+    code, out, err = run("new", tmp_path)
+    assert (code, out) == (2, "")
+    assert "already there" in err
+
+
+def test_info_tells_clouds_from_picks(run, small):
+    cloud = json.loads(run("info", small / "lidar.laz", "--json")[1])
+    assert (cloud["kind"], cloud["points"], cloud["crs_code"]) == ("cloud", 6000, "EPSG:32615")
+    assert "vertical_datum_unknown" in [each["code"] for each in cloud["warnings"]]
+    picks = json.loads(run("info", small / "picks.csv", "--json")[1])
+    assert (picks["kind"], picks["control"], picks["check"]) == ("picks", 6, 2)
+    code, out, _ = run("info", small / "nerf.ply")
+    assert code == 0
+    assert "8,000" in out
+
+
+def test_align_prints_one_json_object_and_writes_the_similarity(run, small, tmp_path):
+    code, out, err = run(
+        "align", small / "picks.csv", "--crs", "EPSG:32615", "--out", tmp_path / "s.json", "--json"
+    )
+    assert (code, err) == (0, "")
+    printed = json.loads(out)
+    assert set(printed) == {"alignment", "loocv", "checks", "reliability", "warnings"}
+    written = json.loads((tmp_path / "s.json").read_text("utf-8"))
+    assert written == {**printed["alignment"], "crs": "EPSG:32615"}
+    picks = trigpoint.read_picks(small / "picks.csv").control
+    np.testing.assert_allclose(
+        written["matrix"], umeyama(picks.source, picks.target).matrix, rtol=1e-11
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["align", "nowhere.csv"], "picks", "can't be read"),
+        (["align", "PICKS", "--method", "magic"], "usage", "magic"),
+        (["align", "PICKS", "--threshold", "0"], "setting", "above zero"),
+        (["align", "PICKS", "--trials", "0"], "usage", "trials"),
+        (["align", "PICKS", "--weighted"], "picks", "sigma"),
+        (["align", "PICKS", "--crs", "EPSG:999999"], "crs", "999999"),
+        (["align", "PICKS", "--crs", "EPSG:4326"], "crs", "degree"),
+        (["align", "PICKS", "--threshold", "0.0001"], "no_consensus", "agree"),
+        (["compare", "PICKS", "LIDAR"], "cloud", "not a point cloud"),
+        (["compare", "LIDAR", "LIDAR", "--zones", "a,b"], "region", "must be a number"),
+        (["compare", "LIDAR", "LIDAR", "--zones", "0.66,0.33"], "region", "ascend"),
+        (["compare", "LIDAR", "LIDAR", "--margin", "-1"], "region", "margin"),
+        (["compare", "LIDAR", "LIDAR", "--within", "0"], "region", "above zero"),
+        (["apply", "PICKS", "LIDAR", "OUT"], "similarity", "similarity"),
+        (["audit", "nowhere.toml"], "project", "can't be read"),
+        (["frobnicate"], "usage", "frobnicate"),
+        (["info", "nowhere.laz"], "cloud", "no such file"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_bad_input_is_exit_2_and_one_line_or_one_json_object(run, small, arguments, code, words):
+    names = {"PICKS": small / "picks.csv", "LIDAR": small / "lidar.laz", "OUT": small / "out.laz"}
+    arguments = [names.get(each, each) for each in arguments]
+    before = sorted(small.rglob("*"))
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "")
+    assert err.splitlines()[-1].startswith("trigpoint: ")
+    assert words in err.splitlines()[-1]
+    assert "Traceback" not in err
+    status, out, _ = run(*arguments, "--json")
+    error = json.loads(out)["error"]
+    assert (status, error["code"]) == (2, code)
+    assert words in error["message"]
+    assert sorted(small.rglob("*")) == before
+
+
+def test_a_refused_geometry_is_exit_2(run, tmp_path):
+    rows = [f"p{i},{0.4 * i},{0.9 * i},{0.2 * i},{1.3 * i},{2.9 * i},{0.6 * i}" for i in range(6)]
+    path = tmp_path / "line.csv"
+    path.write_text("id,source_x,source_y,source_z,target_x,target_y,target_z\n" + "\n".join(rows))
+    code, out, err = run("align", path)
+    assert (code, out) == (2, "")
+    assert "on a line" in err
+
+
+def test_compare_prints_the_contract_and_zero_for_itself(run, small):
+    printed = json.loads(run("compare", small / "lidar.laz", small / "lidar.laz", "--json")[1])
+    assert set(printed) == {"accuracy", "completeness", "counts", "icp", "warnings"}
+    assert printed["accuracy"]["all"]["rmse_m"] == 0
+    assert printed["completeness"]["upper"]["within"][1]["pct"] == 100
+    assert printed["icp"] is None
+
+
+def test_compare_with_icp_says_what_it_moved(run, small):
+    code, out, _ = run(
+        "compare", small / "sfm.laz", small / "lidar.laz", "--icp", "--voxel", "0", "--json"
+    )
+    printed = json.loads(out)
+    assert code == 0
+    assert printed["icp"]["shift_m"] < 0.1
+    assert printed["icp"]["retained"] is False
+
+
+def test_compare_prints_tables_for_people(run, small):
+    code, out, err = run("compare", small / "sfm.laz", small / "lidar.laz", "--margin", "none")
+    assert code == 0
+    assert "Completeness" in out
+    assert "reading" in err
+
+
+def test_apply_there_and_back_is_the_same_cloud(run, small, tmp_path):
+    run("align", small / "picks.csv", "--crs", "EPSG:32615", "--out", tmp_path / "s.json")
+    there, back = tmp_path / "there.laz", tmp_path / "back.ply"
+    code, out, _ = run("apply", tmp_path / "s.json", small / "nerf.ply", there, "--json")
+    assert (code, json.loads(out)["points"]) == (0, 8000)
+    assert trigpoint.describe(there).crs.to_epsg() == 32615
+    assert run("apply", tmp_path / "s.json", there, back, "--inverse")[0] == 0
+    one, other = trigpoint.read(small / "nerf.ply"), trigpoint.read(back)
+    np.testing.assert_allclose(other.coordinates, one.coordinates, atol=1e-4)
+    np.testing.assert_array_equal(other.attributes["red"], one.attributes["red"])
+
+
+def test_audit_prints_its_results_and_where_they_lie(run, small):
+    code, out, err = run("audit", small / "project.toml")
+    assert code == 0
+    assert "Verdict: NOT TESTED" in out
+    assert str(small / "audit" / "small-r1") in out.replace("\n", "")
+    assert "putting rigid ICP on trial" in err
+
+
+def test_an_audit_that_misses_a_limit_is_exit_1_and_still_delivers(run, small_project, tmp_path):
+    path, _ = small_project(
+        extra='[[limit]]\nquantity = "loocv.rmse_m"\nof = "nerf"\nmax = 0.001\nsource = "b"\n'
+    )
+    code, out, _ = run("audit", path, "--out", tmp_path / "out", "--json")
+    assert code == 1
+    audits = json.loads(out)["audits"]
+    assert audits[0]["results"]["verdict"] == "FAIL"
+    assert (tmp_path / "out" / "small-r1" / "data" / "results.json").exists()

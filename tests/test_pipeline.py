@@ -1,0 +1,180 @@
+import json
+import subprocess
+import sys
+
+import jsonschema
+import laspy
+import numpy as np
+import pytest
+from plyfile import PlyData
+
+import trigpoint
+from trigpoint.bundle import bundle_folder, write_bundle
+from trigpoint.criteria import schema
+from trigpoint.errors import CrsError, ProjectError
+from trigpoint.project import read_project
+
+
+@pytest.fixture
+def bundle(small_project):
+    """Audit the small project and write its bundle."""
+
+    def make(**settings):
+        path, truth = small_project(**settings)
+        audit = trigpoint.audit(path)
+        folder = bundle_folder(audit.project)
+        write_bundle(audit, audit.results(), folder)
+        return folder, truth
+
+    return make
+
+
+def read_results(folder):
+    return json.loads((folder / "data" / "results.json").read_text("utf-8"))
+
+
+def test_the_truth_comes_back_within_its_covariance(small_project):
+    path, truth = small_project()
+    audit = trigpoint.audit(path)
+    worth = audit.judged[0].alignment.reliability
+    fit = audit.judged[0].alignment.similarity
+    log_scale = np.log(fit.scale / truth.scale)
+    assert abs(log_scale) < 4 * np.sqrt(worth.covariance[0, 0])
+    places = truth(truth.inverse()(audit.reference.cloud.coordinates[::50]))
+    misses = np.abs(fit(truth.inverse()(places)) - places)
+    assert (misses < 4.5 * worth.sigma(places)).all()
+
+
+def test_results_keep_to_the_schema_and_hold_both_stages(bundle):
+    folder, _ = bundle()
+    results = read_results(folder)
+    jsonschema.validate(results, schema())
+    nerf, sfm = results["reconstructions"]["nerf"], results["reconstructions"]["sfm"]
+    assert nerf["alignment"]["n"] == 6
+    assert nerf["checks"]["n"] == 2
+    assert nerf["icp"]["check_rmse_before_m"] == pytest.approx(nerf["checks"]["rmse_m"], abs=1e-6)
+    assert sfm["alignment"] is None
+    assert sfm["icp"]["control_rmse_before_m"] is None
+    for each in (nerf, sfm):
+        for stage in ("delivered", "after_icp"):
+            zones = each["comparison"][stage]["completeness"]
+            assert list(zones) == ["all", "lower", "middle", "upper"]
+            assert zones["all"]["n"] == sum(zones[z]["n"] for z in ("lower", "middle", "upper"))
+
+
+def test_the_bundle_holds_no_path_of_the_machine_and_no_time(bundle, tmp_path):
+    folder, _ = bundle()
+    for path in [*(folder / "data").iterdir(), *(folder / "transform").iterdir()]:
+        text = path.read_text("utf-8")
+        assert str(tmp_path) not in text
+        assert "/tmp" not in text
+
+
+def test_the_georeferenced_cloud_lies_where_the_similarity_puts_it(bundle, tmp_path):
+    folder, _ = bundle()
+    matrix = np.loadtxt(folder / "transform" / "nerf_matrix.txt")
+    vertex = PlyData.read(tmp_path / "small" / "nerf.ply")["vertex"]
+    source = np.column_stack([vertex[axis] for axis in "xyz"]).astype(float)
+    written = laspy.read(folder / "clouds" / "nerf-georeferenced.laz")
+    expected = source @ matrix[:3, :3].T + matrix[:3, 3]
+    assert np.abs(np.asarray(written.xyz) - expected).max() < 1e-4
+    assert (
+        written.header.parse_crs().to_epsg() == 32615
+        or "32615" in written.header.parse_crs().to_wkt()
+    )
+
+
+def test_distances_are_written_as_extra_dimensions(bundle):
+    folder, _ = bundle()
+    results = read_results(folder)["reconstructions"]["nerf"]["comparison"]
+    for direction in ("accuracy", "completeness"):
+        cloud = laspy.read(folder / "clouds" / f"nerf-{direction}.laz")
+        for name, stage in (("distance_m", "delivered"), ("distance_after_icp_m", "after_icp")):
+            row = results[stage][direction]["all"]
+            distances = np.asarray(cloud[name])
+            assert len(distances) == row["n"]
+            assert np.sqrt((distances**2).mean()) == pytest.approx(row["rmse_m"], abs=1e-6)
+
+
+def test_the_same_input_gives_the_same_bytes_in_another_folder_with_one_thread(
+    bundle, small_project, tmp_path
+):
+    folder, _ = bundle()
+    small_project(folder=tmp_path / "elsewhere" / "deep")
+    code = (
+        "import sys, trigpoint\n"
+        "from pathlib import Path\n"
+        "from trigpoint.bundle import write_bundle\n"
+        "audit = trigpoint.audit(sys.argv[1])\n"
+        "write_bundle(audit, audit.results(), Path(sys.argv[2]))\n"
+    )
+    environment = {
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "TZ": "Asia/Kathmandu",
+        "LC_ALL": "C",
+    }
+    subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            code,
+            tmp_path / "elsewhere" / "deep" / "project.toml",
+            tmp_path / "other",
+        ],
+        check=True,
+        env=environment,
+    )
+    files = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    assert files == sorted(
+        p.relative_to(tmp_path / "other") for p in (tmp_path / "other").rglob("*") if p.is_file()
+    )
+    for path in files:
+        assert (folder / path).read_bytes() == (tmp_path / "other" / path).read_bytes(), path
+
+
+def test_what_is_issued_is_never_overwritten(bundle, small_project):
+    folder, _ = bundle()
+    path, _ = small_project()
+    text = path.read_text("utf-8").replace(
+        'title = "<script>"', 'status = "issued"\ndate = 2026-09-21'
+    )
+    path.write_text(text, "utf-8")
+    with pytest.raises(ProjectError, match="never overwritten"):
+        bundle_folder(read_project(path))
+    path.write_text(text.replace('status = "issued"', 'status = "issued"\nrevision = 2'), "utf-8")
+    assert bundle_folder(read_project(path)) == folder.with_name("small-r2")
+
+
+def test_a_reconstruction_in_another_crs_is_refused(small_project):
+    path, _ = small_project()
+    text = path.read_text("utf-8").replace(
+        'path = "lidar.laz"', 'path = "lidar.laz"\ncrs = "EPSG:32616"'
+    )
+    path.write_text(text, "utf-8")
+    with pytest.raises(CrsError, match=r"EPSG:32615.*EPSG:32616"):
+        trigpoint.audit(path)
+
+
+def test_a_limit_turns_into_a_verdict(small_project):
+    limits = (
+        '[[limit]]\nquantity = "loocv.rmse_m"\nof = "nerf"\nmax = 0.2\nsource = "brief"\n'
+        '[[limit]]\nquantity = "comparison.delivered.completeness.all.within[0.20].pct"\n'
+        'of = "sfm"\nmin = 99.9\nsource = "brief"\n'
+    )
+    path, _ = small_project(extra=limits)
+    results = trigpoint.audit(path).results()
+    assert [each["met"] for each in results["criteria"]] == [True, False]
+    assert results["verdict"] == "FAIL"
+
+
+def test_a_scale_bar_that_disagrees_is_said(small_project):
+    bar = (
+        '[[cross_check]]\nkind = "scale_bar"\nfrom = [0, 0, 0]\nto = [1, 0, 0]\n'
+        "length_m = 3.5\nsigma_m = 0.01\n"
+    )
+    path, _ = small_project(extra=bar)
+    results = trigpoint.audit(path).results()
+    check = results["reconstructions"]["nerf"]["reliability"]["cross_checks"][0]
+    assert check["discrepancy"] == pytest.approx(-0.24, abs=0.03)
+    assert "cross_check_disagrees" in [each["code"] for each in results["warnings"]]
