@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from trigpoint.canonical import write_text
@@ -77,6 +78,32 @@ intervals = true
 PICKS = (
     "id,source_x,source_y,source_z,target_x,target_y,target_z,role,sigma_source,sigma_target,note\n"
 )
+
+
+def project_text(changes: Mapping[str, str]) -> str:
+    """Return the text of a new project.toml with some of its lines changed.
+
+    Parameters
+    ----------
+    changes : mapping of str to str
+        What a line holds before its comment, and what it is to hold instead; the comment stays.
+
+    Examples
+    --------
+    >>> print(project_text({'id = "my-building"': 'id = "tower"'}).splitlines()[4])
+    id = "tower"                  # becomes the name of the bundle
+    """
+    text = PROJECT
+    for old, new in changes.items():
+        before, found, after = text.partition(f"\n{old}")
+        if not found:
+            message = f"No line of a new project begins with {old!r}."
+            raise ValueError(message)
+        # The comment keeps its column.
+        room = len(after) - len(after.lstrip(" "))
+        spaces = " " * max(room + len(old) - len(new), 1) if room else ""
+        text = f"{before}\n{new}{spaces}{after[room:]}"
+    return text
 
 
 def start_project(folder: str | Path) -> tuple[Path, ...]:
