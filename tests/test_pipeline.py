@@ -9,8 +9,9 @@ import pytest
 from plyfile import PlyData
 
 import trigpoint
-from trigpoint.bundle import bundle_folder, write_bundle
+from trigpoint.bundle import bundle_folder, fill_bundle
 from trigpoint.criteria import schema
+from trigpoint.delivery import whole_folder
 from trigpoint.errors import CrsError, ProjectError
 from trigpoint.project import read_project
 
@@ -23,7 +24,8 @@ def bundle(small_project):
         path, truth = small_project(**settings)
         audit = trigpoint.audit(path)
         folder = bundle_folder(audit.project)
-        write_bundle(audit, audit.results(), folder)
+        with whole_folder(folder) as draft:
+            fill_bundle(draft, audit, audit.results())
         return folder, truth
 
     return make
@@ -64,7 +66,9 @@ def test_results_keep_to_the_schema_and_hold_both_stages(bundle):
 
 def test_the_bundle_holds_no_path_of_the_machine_and_no_time(bundle, tmp_path):
     folder, _ = bundle()
-    for path in [*(folder / "data").iterdir(), *(folder / "transform").iterdir()]:
+    for path in sorted(
+        path for path in folder.rglob("*") if path.suffix in {".json", ".csv", ".txt"}
+    ):
         text = path.read_text("utf-8")
         assert str(tmp_path) not in text
         assert "/tmp" not in text
@@ -104,9 +108,10 @@ def test_the_same_input_gives_the_same_bytes_in_another_folder_with_one_thread(
     code = (
         "import sys, trigpoint\n"
         "from pathlib import Path\n"
-        "from trigpoint.bundle import write_bundle\n"
+        "from trigpoint.bundle import fill_bundle\n"
         "audit = trigpoint.audit(sys.argv[1])\n"
-        "write_bundle(audit, audit.results(), Path(sys.argv[2]))\n"
+        "Path(sys.argv[2]).mkdir()\n"
+        "fill_bundle(Path(sys.argv[2]), audit, audit.results())\n"
     )
     environment = {
         "OMP_NUM_THREADS": "1",

@@ -9,7 +9,7 @@ import numpy as np
 
 from trigpoint.canonical import to_json, write_text
 from trigpoint.cloud import PointCloud
-from trigpoint.delivery import whole_folder, write_csv
+from trigpoint.delivery import write_csv
 from trigpoint.errors import ProjectError
 from trigpoint.files import carry, write
 from trigpoint.pipeline import Say
@@ -42,33 +42,33 @@ def bundle_folder(project: Project, out: str | Path | None = None) -> Path:
     return folder
 
 
-def write_bundle(
-    audit: Audit, results: dict[str, Any], folder: Path, *, say: Say = lambda _: None
+def fill_bundle(
+    folder: Path, audit: Audit, results: dict[str, Any], *, say: Say = lambda _: None
 ) -> None:
-    """Write an audit's bundle, whole or not at all.
+    """Write an audit's results, tables, matrices and clouds into an empty folder.
 
     Parameters
     ----------
+    folder : Path
+        As `delivery.whole_folder` yields it.
     audit : Audit
     results : dict
         `audit.results()`.
-    folder : Path
-        A bundle that is there is replaced once the new one is whole.
     say : callable, optional
         Told each step as it begins.
     """
-    with whole_folder(folder) as draft:
-        for name in ("data", "transform", "clouds"):
-            (draft / name).mkdir()
-        say("writing the tables")
-        write_text(draft / "data" / "results.json", to_json(results))
-        for name, found in results["reconstructions"].items():
-            _tables(draft / "data", name, found)
-            if found["alignment"] is not None:
-                _transform(draft / "transform", name, found, results)
-        for judged in audit.judged:
-            say(f"{judged.given.name}: writing its clouds")
-            _clouds(draft / "clouds", judged, audit)
+    for name in ("data", "transform", "clouds"):
+        (folder / name).mkdir()
+    say("writing the tables")
+    write_text(folder / "data" / "results.json", to_json(results))
+    for name, found in results["reconstructions"].items():
+        _tables(folder / "data", name, found)
+        if found["alignment"] is not None:
+            _transform(folder / "transform", name, found, results)
+    for judged in audit.judged:
+        say(f"{judged.given.name}: writing its clouds")
+        _distances(folder / "data" / f"distances-{judged.given.name}.npz", judged)
+        _clouds(folder / "clouds", judged, audit)
 
 
 def _tables(folder: Path, name: str, found: dict[str, Any]) -> None:
@@ -98,6 +98,24 @@ def _transform(folder: Path, name: str, found: dict[str, Any], results: dict[str
     write_text(folder / f"{name}.json", to_json({**found["alignment"], "crs": crs}))
     rows = [" ".join(f"{value!r}" for value in row) for row in found["alignment"]["matrix"]]
     write_text(folder / f"{name}_matrix.txt", "\n".join(rows) + "\n")
+
+
+def _distances(path: Path, judged: Judged) -> None:
+    """Write every distance with the height that gives its zone: what the zone tables follow from.
+
+    NumPy's own format, because reading it needs NumPy alone; it stores no date.
+    """
+    arrays = {}
+    for stage, comparison in (("delivered", judged.delivered), ("after_icp", judged.after_icp)):
+        if comparison is not None:
+            for direction, cloud, distances in (
+                ("accuracy", comparison.reconstruction, comparison.accuracy_m),
+                ("completeness", comparison.reference, comparison.completeness_m),
+            ):
+                arrays[f"{stage}_{direction}_m"] = distances
+                arrays[f"{stage}_{direction}_height_m"] = cloud.xyz[:, 2] + cloud.origin[2]
+    arrays["zone_edges_m"] = judged.delivered.zones.edges_m
+    np.savez_compressed(path, **arrays)
 
 
 def _clouds(folder: Path, judged: Judged, audit: Audit) -> None:

@@ -13,11 +13,12 @@ from rich.console import Console
 
 import trigpoint
 from trigpoint.alignment import align as fit_picks
-from trigpoint.bundle import bundle_folder, write_bundle
+from trigpoint.bundle import bundle_folder, fill_bundle
 from trigpoint.canonical import plain, to_json, write_text
 from trigpoint.comparison import WITHIN_M, measure
 from trigpoint.consensus import Method
 from trigpoint.crs import parse_crs
+from trigpoint.delivery import whole_folder
 from trigpoint.errors import RegionError, TrigpointError
 from trigpoint.files import carry
 from trigpoint.inspection import inspect
@@ -116,7 +117,9 @@ def align(
         Method, typer.Option(help="How picks that agree are found; all: no consensus.")
     ] = "ransac",
     threshold: Annotated[float, typer.Option(help="Inlier threshold in metres.")] = 0.50,
-    trials: Annotated[int, typer.Option(min=1, help="Sets of three picks drawn by ransac.")] = 10_000,
+    trials: Annotated[
+        int, typer.Option(min=1, help="Sets of three picks drawn by ransac.")
+    ] = 10_000,
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 42,
     weighted: Annotated[
         bool, typer.Option("--weighted", help="Weight by the picks' sigmas.")
@@ -147,7 +150,9 @@ def align(
 def compare(
     reconstruction: Annotated[Path, Existing],
     reference: Annotated[Path, Existing],
-    voxel: Annotated[float, typer.Option(min=0, help="Voxel size in metres; 0: no thinning.")] = 0.10,
+    voxel: Annotated[
+        float, typer.Option(min=0, help="Voxel size in metres; 0: no thinning.")
+    ] = 0.10,
     within: Annotated[
         list[float] | None,
         typer.Option(help="A distance in metres; may be repeated. By default 0.05, 0.10, 0.20."),
@@ -234,7 +239,8 @@ def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
             audit = trigpoint.audit(project, say=say)
             say("hashing the inputs")
             results = audit.results()
-            write_bundle(audit, results, folder, say=say)
+            with whole_folder(folder) as draft:
+                fill_bundle(draft, audit, results, say=say)
         done.append({"path": str(folder), "results": results})
         if not as_json:
             people.show_audit(_people(), results, str(folder))

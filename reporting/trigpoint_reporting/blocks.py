@@ -1,0 +1,58 @@
+"""What a report is built of: passages, tables and pictures, as plain values without markup."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A number as it is printed, and where in results.json it stands.
+
+    Attributes
+    ----------
+    text : str
+        As printed, without its unit.
+    path : str
+        Such as ``reconstructions.nerf.alignment.rmse_m``; empty where it stands nowhere.
+    """
+
+    text: str
+    path: str = ""
+
+
+Cell = str | Value
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A paragraph: text and values in turn; `tone` marks a verdict or a warning, in words too."""
+
+    parts: Sequence[Cell]
+    tone: Literal["plain", "note", "warning", "pass", "fail", "conditional", "untested"] = "plain"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: its caption stands above, its note (formula, n, units) below."""
+
+    caption: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    note: Sequence[Cell] = field(default_factory=tuple)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture: `alt` states the finding, `caption` says what is shown."""
+
+    name: str
+    caption: str
+    alt: str
+    content: bytes
+    kind: Literal["svg", "png"]
+
+
+Block = Passage | Table | Picture

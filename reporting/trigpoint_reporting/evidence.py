@@ -1,0 +1,49 @@
+"""A bundle opened for reading: results.json, its tables and its distances, and nothing else."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What a report is made from.
+
+    Attributes
+    ----------
+    folder : Path
+        The bundle.
+    results : dict
+        As in results.json.
+    """
+
+    folder: Path
+    results: dict[str, Any]
+
+    @property
+    def names(self) -> list[str]:
+        """The reconstructions, in the project's order."""
+        return list(self.results["reconstructions"])
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Read ``data/<name>.csv``; ids stay text."""
+        return pd.read_csv(self.folder / "data" / f"{name}.csv", dtype={"id": str})
+
+    def distances(self, name: str) -> dict[str, NDArray[np.float64]]:
+        """Read a reconstruction's distances, their heights, and the edges of the zones."""
+        with np.load(self.folder / "data" / f"distances-{name}.npz", allow_pickle=False) as stored:
+            return {key: stored[key] for key in stored.files}
+
+
+def open_evidence(folder: str | Path) -> Evidence:
+    """Open a bundle."""
+    folder = Path(folder)
+    text = (folder / "data" / "results.json").read_text("utf-8")
+    return Evidence(folder, json.loads(text))
