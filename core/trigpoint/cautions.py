@@ -36,7 +36,6 @@ Code = Literal[
     "icp_not_retained",
     "icp_not_converged",  # it was still moving when its iterations ran out
     "cross_check_disagrees",
-    "scale_implausible",
 ]
 
 CODES: frozenset[str] = frozenset(get_args(Code))

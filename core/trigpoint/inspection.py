@@ -36,7 +36,8 @@ def inspect(path: str | Path, *, crs: str | None = None) -> dict[str, Any]:
 def _cloud(path: Path, crs: str | None) -> dict[str, Any]:
     info = describe(path, crs=crs)
     report = describe_crs(info.crs, at=(info.low + info.high) / 2)
-    doubts = (*info.cautions, *report.cautions)
+    # Without a CRS the file has said so already.
+    doubts = (*info.cautions, *(report.cautions if info.crs is not None else ()))
     return {
         "path": path.name,
         "kind": "cloud",
