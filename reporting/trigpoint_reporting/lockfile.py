@@ -1,0 +1,79 @@
+"""Which packages and which machine made a bundle, as files that pip and people can read."""
+
+from __future__ import annotations
+
+import platform
+import re
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trigpoint.canonical import to_json, write_text
+
+_NAME = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)\s*(?:\[([^\]]*)\])?")
+_EXTRA = re.compile(r"""extra\s*==\s*['"]([^'"]+)['"]""")
+
+
+def write_lock(folder: Path) -> None:
+    """Write ``requirements.lock``, for `pip install -r`, and ``platform.json`` into a folder."""
+    pins = installed_requirements("trigpoint", extras=("reporting",))
+    write_text(folder / "requirements.lock", "".join(f"{name}=={pins[name]}\n" for name in pins))
+    write_text(folder / "platform.json", to_json(_platform()))
+
+
+def installed_requirements(name: str, *, extras: tuple[str, ...] = ()) -> dict[str, str]:
+    """Return a distribution and all it requires, as far as installed: versions by name, sorted.
+
+    Only what it requires: what else the environment holds is its user's own affair.
+
+    Examples
+    --------
+    >>> sorted(installed_requirements("jsonschema"))[:2]
+    ['attrs', 'jsonschema']
+    """
+    found: dict[str, str] = {}
+    waiting = [(name, frozenset(extras))]
+    seen = set()
+    while waiting:
+        current = waiting.pop()
+        if current in seen:
+            continue
+        seen.add(current)
+        try:
+            distribution = metadata.distribution(current[0])
+        except metadata.PackageNotFoundError:  # another system's, or an extra not asked for
+            continue
+        found[re.sub(r"[-_.]+", "-", distribution.metadata["Name"]).lower()] = distribution.version
+        for line in distribution.requires or ():
+            needed = _NAME.match(line)
+            extra = _EXTRA.search(line)
+            if needed is not None and (extra is None or extra[1] in current[1]):
+                wanted = frozenset(part.strip() for part in (needed[2] or "").split(",") if part)
+                waiting.append((needed[1], wanted))
+    return dict(sorted(found.items()))
+
+
+def _platform() -> dict[str, Any]:
+    libc, release = platform.libc_ver()
+    return {
+        "python": platform.python_version(),
+        "implementation": platform.python_implementation(),
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "byte_order": sys.byteorder,
+        "libc": f"{libc} {release}".strip(),
+        "blas": _blas(),
+    }
+
+
+def _blas() -> str | None:
+    # Its kernels decide the last bits. NumPy before 1.25 only prints it.
+    try:
+        built: Any = np.show_config(mode="dicts")  # type: ignore[call-arg,unused-ignore]
+    except TypeError:
+        return None
+    blas = built["Build Dependencies"]["blas"]
+    return f"{blas.get('name')} {blas.get('version')}"
