@@ -112,7 +112,7 @@ def test_halves_are_summed_apart_and_together():
     points = scatter(30_000, 7)
     lattice = Lattice(0.7, NEAR)
     half = np.random.default_rng(8).random(len(points)) < 0.5
-    cells = gather([group(PointCloud(points, NEAR), lattice, half=half)])
+    cells = gather(group(PointCloud(points, NEAR), lattice, half=half))
     for chosen, own in ((None, slice(None)), (0, ~half), (1, half)):
         found = centroids(cells, lattice, half=chosen)
         expected = thin([PointCloud(points[own], NEAR)], lattice)

@@ -6,23 +6,30 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cloud import PointCloud
 from trigpoint.errors import CloudError, RegionError
+from trigpoint.similarity import Points
+from trigpoint.threads import worked
 
-# Coordinates on a cell's edge, to within this share of a cell, belong to the cell above it.
-EDGE = 1e-6
 # Offsets in a cell are summed as whole multiples of 2**-STEPS of the cell (0.02 nm at 0.10 m):
 # sums of integers are exact, so no order of points or chunks can change a bit of a centroid.
 STEPS = 32
+# Coordinates within a millionth of a cell below its edge belong to it: in those multiples.
+EDGE = round(1e-6 * 2**STEPS)
 # Bits of a cell's key: easting, northing, height, and one that tells two halves of a cloud apart.
 BITS = (21, 21, 20)
-# Cells that wait before they are merged into those already found.
-PENDING = 4_000_000
-# Cells merged at a time, about, and the step of the sample that finds where to part them.
+# Cells part into slabs of eight across the easting: keys that differ only in their low bits.
+SLAB = BITS[1] + BITS[2] + 1 + 3
+# Points that wait before they are summed into the cells already found.
+PENDING = 16_000_000
+# Points handled at a time: arrays this small stay in the processor's cache.
+BLOCK = 2**17
+# Points or cells summed at a time, about, and the step of the sample that finds where to cut.
 PIECE, STRIDE = 2**17, 2**9
 
 Counts = NDArray[np.int64]
@@ -66,21 +73,23 @@ class Lattice:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Occupied cells of a lattice, with exact sums over their points.
+    """Occupied cells of a lattice with exact sums over their points, or points yet to be summed.
 
     Attributes
     ----------
     keys : ndarray of shape (m,)
-        int64, ascending: easting, then northing, then height, then half.
-    counts : ndarray of shape (m,)
-        int64, points in each cell.
+        int64, ordered by easting, northing, height and half. Ascending once summed; until then
+        only slab by slab.
     sums : list of three ndarray of shape (m,)
-        int64, sums of the points' offsets in the cell, in ``2**-32`` of a cell.
+        Unsigned or signed integers: offsets from a millionth of a cell below the cell's low
+        corner, in ``2**-32`` of a cell.
+    counts : ndarray of shape (m,) or None
+        int64, points in each cell; None where each is one point.
     """
 
     keys: NDArray[np.int64]
-    counts: Counts
-    sums: list[Counts]
+    sums: list[NDArray[np.integer]]
+    counts: Counts | None = None
 
     def __len__(self) -> int:
         """Count the cells."""
@@ -88,7 +97,8 @@ class Cells:
 
     def __getitem__(self, index: slice | NDArray[np.bool_]) -> Cells:
         """Keep some cells."""
-        return Cells(self.keys[index], self.counts[index], [total[index] for total in self.sums])
+        counts = None if self.counts is None else self.counts[index]
+        return Cells(self.keys[index], [total[index] for total in self.sums], counts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,11 +148,14 @@ def thin(chunks: Iterable[PointCloud], lattice: Lattice) -> Voxels:
     >>> voxels.cloud.xyz.round(9).tolist(), voxels.counts.tolist()
     ([[0.03, 0.04, 0.0], [0.31, 0.0, 0.0]], [2, 1])
     """
-    return centroids(gather(group(chunk, lattice) for chunk in chunks), lattice)
+    parts = chain.from_iterable(group(chunk, lattice) for chunk in chunks)
+    return centroids(gather(parts), lattice)
 
 
-def group(cloud: PointCloud, lattice: Lattice, *, half: NDArray[np.bool_] | None = None) -> Cells:
-    """Sum the points of one chunk cell by cell.
+def group(
+    cloud: PointCloud, lattice: Lattice, *, half: NDArray[np.bool_] | None = None
+) -> list[Cells]:
+    """Find the cell of every point of one chunk, and put the points in order slab by slab.
 
     Parameters
     ----------
@@ -150,30 +163,49 @@ def group(cloud: PointCloud, lattice: Lattice, *, half: NDArray[np.bool_] | None
     lattice : Lattice
     half : ndarray of shape (n,), optional
         Tells two halves of the cloud apart: each cell is then summed for either half on its own.
+
+    Returns
+    -------
+    list of Cells
+        Yet to be summed, one for each block of points.
+
+    Raises
+    ------
+    CloudError
+        As `thin`.
     """
     origin_cell, _ = lattice.split(lattice.origin)
     chunk_cell, rest = lattice.split(cloud.origin)
-    key = np.zeros(len(cloud), np.int64)
-    offsets = []
-    for axis, bits in enumerate(BITS):
-        position = cloud.xyz[:, axis] + rest[axis]
-        position /= lattice.voxel
-        cell = np.floor(position + EDGE)
-        shift = chunk_cell[axis] - origin_cell[axis] + 2 ** (bits - 1)
-        _refuse_far(cell, shift, bits, lattice)
-        position -= cell
-        position *= 2.0**STEPS
-        offsets.append(np.rint(position, out=position).astype(np.int64))
-        key <<= bits
-        key += cell.astype(np.int64) + shift
-    key <<= 1
-    if half is not None:
-        key += half
-    return _sorted_sums(key, None, offsets)
+    lifts = [chunk_cell[axis] - origin_cell[axis] + 2 ** (BITS[axis] - 1) for axis in range(3)]
+    for axis in range(3):
+        _refuse_far(cloud.xyz[:, axis], lifts[axis], BITS[axis], lattice)
+    blocks = []
+    for start in range(0, len(cloud), BLOCK):
+        rows = slice(start, start + BLOCK)
+        key = np.zeros(len(cloud.xyz[rows]), np.int64)
+        offsets = []
+        for axis, bits in enumerate(BITS):
+            # Whole steps of 2**-STEPS cells: the cell above, the offset in it below.
+            position = cloud.xyz[rows, axis] + rest[axis]
+            position *= 2**STEPS / lattice.voxel
+            steps = np.rint(position, out=position).astype(np.int64)
+            steps += (lifts[axis] << STEPS) + EDGE
+            key <<= bits
+            key |= steps >> STEPS
+            offsets.append(steps.astype(np.uint32))
+        key <<= 1
+        if half is not None:
+            key |= half[rows]
+        # Slabs are few, and small integers are sorted in one pass.
+        slab = key >> SLAB
+        slab -= slab.min()
+        order = np.argsort(slab.astype(np.min_scalar_type(slab.max())), kind="stable")
+        blocks.append(Cells(key[order], [offset[order] for offset in offsets]))
+    return blocks
 
 
 def gather(parts: Iterable[Cells]) -> list[Cells]:
-    """Merge the cells of many chunks; memory follows the cells, not the points.
+    """Sum the points of many chunks cell by cell; memory follows the cells, not the points.
 
     Returns
     -------
@@ -186,8 +218,8 @@ def gather(parts: Iterable[Cells]) -> list[Cells]:
         waiting.append(part)
         if _size(waiting) > max(PENDING, _size(merged) // 2):
             runs, merged, waiting = merged + waiting, [], []
-            merged = list(_merge(runs))
-    return list(_merge(merged + waiting))
+            merged = _merge(runs)
+    return _merge(merged + waiting)
 
 
 def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None) -> Voxels:
@@ -201,40 +233,65 @@ def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None)
     half : int, optional
         0 or 1: of that half's points only. By default of all points.
     """
-    size = sum(_count(piece, half) for piece in pieces)
-    xyz, counts = np.empty((size, 3)), np.empty(size, np.int64)
     _, rest = lattice.split(lattice.origin)
-    start = 0
-    for piece in pieces:
+
+    def work(piece: Cells) -> tuple[Points, Counts]:
         cells = _whole(piece) if half is None else piece[(piece.keys & 1) == half]
-        rows = slice(start, start := start + len(cells))
-        counts[rows] = cells.counts
+        counts = _points(cells)
+        xyz = np.empty((len(cells), 3))
         shift = 1  # past the bit of the halves
         for axis in (2, 1, 0):
             bits = BITS[axis]
-            cell = (cells.keys >> shift) & (2**bits - 1)
+            cell = ((cells.keys >> shift) & (2**bits - 1)) - 2 ** (bits - 1)
             shift += bits
-            share = cells.sums[axis] / (cells.counts * 2.0**STEPS)
-            xyz[rows, axis] = (share + (cell - 2 ** (bits - 1))) * lattice.voxel - rest[axis]
+            share = (cells.sums[axis] - EDGE * counts) / (counts * 2.0**STEPS)
+            xyz[:, axis] = (share + cell) * lattice.voxel - rest[axis]
+        return xyz, counts
+
+    parts = [(np.empty((0, 3)), np.empty(0, np.int64)), *worked(work, pieces)]
+    xyz = np.concatenate([part[0] for part in parts])
+    counts = np.concatenate([part[1] for part in parts])
     return Voxels(PointCloud(xyz, lattice.origin), counts)
 
 
-def _merge(runs: list[Cells]) -> Iterator[Cells]:
-    # Range by range: what is being sorted stays in the processor's cache, and what has been is
-    # freed.
+def _merge(runs: list[Cells]) -> list[Cells]:
+    # Range by range: what is being sorted stays in the processor's cache, ranges can be sorted at
+    # the same time, and what has been is freed.
+    return list(worked(_summed, _ranges(runs)))
+
+
+def _ranges(runs: list[Cells]) -> Iterator[list[Cells]]:
+    """Cut runs at the same keys, between slabs, where each falls in two."""
     if not runs:
         return
     sample = np.sort(np.concatenate([run.keys[::STRIDE] for run in runs]))
     step = PIECE // STRIDE
-    for bound in [*(sample[step::step] & ~1), np.iinfo(np.int64).max]:
+    bounds = np.unique(sample[step::step] >> SLAB) << SLAB
+    for bound in [*bounds, np.iinfo(np.int64).max]:
         cuts = [int(np.searchsorted(run.keys, bound)) for run in runs]
-        parts = [run[:cut] for run, cut in zip(runs, cuts, strict=True)]
+        parts = [run[:cut] for run, cut in zip(runs, cuts, strict=True) if cut]
         runs = [run[cut:] for run, cut in zip(runs, cuts, strict=True) if cut < len(run)]
-        yield _sorted_sums(
-            np.concatenate([part.keys for part in parts]),
-            np.concatenate([part.counts for part in parts]),
-            [np.concatenate([part.sums[axis] for part in parts]) for axis in range(3)],
-        )
+        if parts:
+            yield parts
+
+
+def _summed(parts: list[Cells]) -> Cells:
+    keys = np.concatenate([part.keys for part in parts])
+    order = np.argsort(keys)
+    keys = keys[order]
+    starts = _starts(keys)
+    sums = []
+    for axis in range(3):
+        values = np.concatenate([part.sums[axis] for part in parts], dtype=np.int64)
+        sums.append(np.add.reduceat(values[order], starts))
+    if all(part.counts is None for part in parts):
+        return Cells(keys[starts], sums, np.diff(starts, append=len(keys)))
+    counts = np.concatenate([_points(part) for part in parts])
+    return Cells(keys[starts], sums, np.add.reduceat(counts[order], starts))
+
+
+def _points(cells: Cells) -> Counts:
+    return np.ones(len(cells), np.int64) if cells.counts is None else cells.counts
 
 
 def _size(runs: list[Cells]) -> int:
@@ -245,46 +302,28 @@ def _whole(cells: Cells) -> Cells:
     # Without its last bit a key forgets the half.
     keys = cells.keys & ~1
     starts = _starts(keys)
-    sums = [np.add.reduceat(total, starts) for total in cells.sums]
-    return Cells(keys[starts], np.add.reduceat(cells.counts, starts), sums)
-
-
-def _count(cells: Cells, half: int | None) -> int:
-    if half is None:
-        return len(_starts(cells.keys & ~1))
-    return int(np.count_nonzero((cells.keys & 1) == half))
+    sums: list[NDArray[np.integer]] = [np.add.reduceat(total, starts) for total in cells.sums]
+    return Cells(keys[starts], sums, np.add.reduceat(_points(cells), starts))
 
 
 def _starts(keys: NDArray[np.int64]) -> NDArray[np.intp]:
     return np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)])
 
 
-def _sorted_sums(key: NDArray[np.int64], counts: Counts | None, values: list[Counts]) -> Cells:
-    order = np.argsort(key)
-    key = key[order]
-    starts = _starts(key)
-    # A chunk's points count one each.
-    points = (
-        np.diff(starts, append=len(key))
-        if counts is None
-        else np.add.reduceat(counts[order], starts)
-    )
-    sums = [np.add.reduceat(value[order], starts) for value in values]
-    return Cells(key[starts], points, sums)
-
-
-def _refuse_far(cell: NDArray[np.float64], shift: int, bits: int, lattice: Lattice) -> None:
-    if not len(cell):
+def _refuse_far(values: NDArray[np.float64], lift: int, bits: int, lattice: Lattice) -> None:
+    """Refuse coordinates that are no numbers, or whose cell would be numbered past its bits."""
+    if not len(values):
         return
-    low, high = float(cell.min()) + shift, float(cell.max()) + shift
+    low, high = float(values.min()) / lattice.voxel, float(values.max()) / lattice.voxel
     if not (math.isfinite(low) and math.isfinite(high)):
         message = "A coordinate is NaN or infinite; leave such points out."
         raise CloudError(message)
-    if low < 0 or high >= 2**bits:
-        reach = max(abs(low - 2 ** (bits - 1)), abs(high - 2 ** (bits - 1))) * lattice.voxel
+    if low + lift < 1 or high + lift > 2**bits - 2:
+        middle = 2 ** (bits - 1)
+        reach = max(abs(low + lift - middle), abs(high + lift - middle)) * lattice.voxel
         message = (
             f"A point lies {reach:.6g} m from the lattice's origin along one axis; with voxels of "
-            f"{lattice.voxel:g} m the lattice reaches {2 ** (bits - 1) * lattice.voxel:.6g} m. "
+            f"{lattice.voxel:g} m the lattice reaches {middle * lattice.voxel:.6g} m. "
             "Crop the cloud to the reference (a margin or a region), or take a larger voxel."
         )
         raise CloudError(message)
