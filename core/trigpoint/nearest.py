@@ -140,7 +140,8 @@ def _is_repetitive(points: Points) -> bool:
 def _first_of_equals(points: Points) -> NDArray[np.intp]:
     order = np.lexsort(points.T)
     differs = (points[order[1:]] != points[order[:-1]]).any(axis=1)
-    return order[np.concatenate([[True], differs])]
+    first: NDArray[np.intp] = order[np.concatenate([[True], differs])]
+    return first
 
 
 def _sample(points: Points) -> Points:

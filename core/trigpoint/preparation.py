@@ -43,8 +43,8 @@ SEED = 42
 RAW_LIMIT = 4_000_000
 # A region that keeps less than this share of a reconstruction deserves a caution.
 MOSTLY_EMPTY = 0.5
-# The floor is measured from at most so many points, spread evenly: to a part in a thousand.
-FLOOR_SAMPLE = 500_000
+# The floor is measured from at most so many points, spread evenly: to a part in five hundred.
+FLOOR_SAMPLE = 250_000
 
 ALL = "all"
 

@@ -177,8 +177,6 @@ def group(
     origin_cell, _ = lattice.split(lattice.origin)
     chunk_cell, rest = lattice.split(cloud.origin)
     lifts = [chunk_cell[axis] - origin_cell[axis] + 2 ** (BITS[axis] - 1) for axis in range(3)]
-    for axis in range(3):
-        _refuse_far(cloud.xyz[:, axis], lifts[axis], BITS[axis], lattice)
     blocks = []
     for start in range(0, len(cloud), BLOCK):
         rows = slice(start, start + BLOCK)
@@ -187,6 +185,7 @@ def group(
         for axis, bits in enumerate(BITS):
             # Whole steps of 2**-STEPS cells: the cell above, the offset in it below.
             position = cloud.xyz[rows, axis] + rest[axis]
+            _refuse_far(position, lifts[axis], bits, lattice)
             position *= 2**STEPS / lattice.voxel
             steps = np.rint(position, out=position).astype(np.int64)
             steps += (lifts[axis] << STEPS) + EDGE
@@ -238,14 +237,16 @@ def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None)
     def work(piece: Cells) -> tuple[Points, Counts]:
         cells = _whole(piece) if half is None else piece[(piece.keys & 1) == half]
         counts = _points(cells)
+        weight = counts * 2.0**STEPS
         xyz = np.empty((len(cells), 3))
         shift = 1  # past the bit of the halves
         for axis in (2, 1, 0):
             bits = BITS[axis]
             cell = ((cells.keys >> shift) & (2**bits - 1)) - 2 ** (bits - 1)
             shift += bits
-            share = (cells.sums[axis] - EDGE * counts) / (counts * 2.0**STEPS)
-            xyz[:, axis] = (share + cell) * lattice.voxel - rest[axis]
+            share = cells.sums[axis] / weight
+            share += cell
+            xyz[:, axis] = share * lattice.voxel - (rest[axis] + EDGE / 2**STEPS * lattice.voxel)
         return xyz, counts
 
     parts = [(np.empty((0, 3)), np.empty(0, np.int64)), *worked(work, pieces)]
@@ -302,6 +303,8 @@ def _whole(cells: Cells) -> Cells:
     # Without its last bit a key forgets the half.
     keys = cells.keys & ~1
     starts = _starts(keys)
+    if len(starts) == len(keys):
+        return cells
     sums: list[NDArray[np.integer]] = [np.add.reduceat(total, starts) for total in cells.sums]
     return Cells(keys[starts], sums, np.add.reduceat(_points(cells), starts))
 
@@ -312,8 +315,6 @@ def _starts(keys: NDArray[np.int64]) -> NDArray[np.intp]:
 
 def _refuse_far(values: NDArray[np.float64], lift: int, bits: int, lattice: Lattice) -> None:
     """Refuse coordinates that are no numbers, or whose cell would be numbered past its bits."""
-    if not len(values):
-        return
     low, high = float(values.min()) / lattice.voxel, float(values.max()) / lattice.voxel
     if not (math.isfinite(low) and math.isfinite(high)):
         message = "A coordinate is NaN or infinite; leave such points out."
