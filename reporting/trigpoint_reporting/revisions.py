@@ -79,17 +79,20 @@ def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, Sequence) and not isinstance(value, str):
         for position, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{_label(item, position)}]")
+            key, label = _label(item, position)
+            rest = {k: v for k, v in item.items() if k != key} if key else item
+            yield from _leaves(rest, f"{path}[{label}]")
     else:
         yield path, value
 
 
-def _label(item: Any, position: int) -> Any:
+def _label(item: Any, position: int) -> tuple[str, Any]:
+    """Return the key that names an item of a list, where one does, and the name."""
     if isinstance(item, Mapping):
         key = next((key for key in KEYS if key in item), None)
         if key is not None:
-            return item[key]
-    return position
+            return key, item[key]
+    return "", position
 
 
 def _read(folder: Path) -> dict[str, Any]:
