@@ -41,6 +41,11 @@ class Evidence:
         with np.load(self.folder / "data" / f"distances-{name}.npz", allow_pickle=False) as stored:
             return {key: stored[key] for key in stored.files}
 
+    def zone_edges(self, name: str) -> NDArray[np.float64]:
+        """Read the heights that bound the zones, from the bottom up, without the distances."""
+        with np.load(self.folder / "data" / f"distances-{name}.npz", allow_pickle=False) as stored:
+            return np.asarray(stored["zone_edges_m"], np.float64)
+
 
 def open_evidence(folder: str | Path) -> Evidence:
     """Open a bundle."""

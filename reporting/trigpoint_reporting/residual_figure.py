@@ -48,9 +48,11 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
     found = evidence.results["reconstructions"][name]
     if found["alignment"] is None:
         return no_picks(name)
-    table = _picks(evidence, name, found)
-    if not set(POSITION) <= set(table.columns):
+    try:
+        places = evidence.table(f"correspondences-{name}").set_index("id")[POSITION]
+    except FileNotFoundError:
         return not_drawn("Residual vectors", "the bundle holds no coordinates of the picks")
+    table = _picks(evidence, name, found).join(places, on="id")
     centre = np.round(table[POSITION].mean().to_numpy())
     place = table[POSITION].to_numpy() - centre
     error = table[RESIDUAL].to_numpy()

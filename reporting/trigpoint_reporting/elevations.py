@@ -1,0 +1,344 @@
+"""Elevations to scale, measured and not rendered: every pixel is a point's colour in the legend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from trigpoint.cloud import PointCloud
+from trigpoint.files import describe, read, stream
+from trigpoint_reporting.blocks import Passage, Picture
+from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.sheet import Colours, Legend, Panel, Plan, draw, lay_out
+from trigpoint_reporting.splat import Side, Splat, extent, grown, splat
+from trigpoint_reporting.style import VERMILLION, labels, listed, metres, not_drawn, percent
+
+FOUR: tuple[Side, ...] = ("north", "east", "south", "west")
+# The same bands in every figure of distances, so that any two can be laid side by side.
+BAND_M, LIMIT_M = 0.05, 0.50
+# Where the plan of what is missing draws its line, if the project measures there.
+MARK_M = 0.10
+AROUND_M = 1.0
+PHOTO_COLOURS = 160
+# A point covers this many voxels' edges, so that a thinned surface looks as closed as it is.
+POINT = 1.5
+# Height in pixels of a sheet that shares its page.
+HALF = 1500
+
+
+def rgb(colour: str) -> Colours:
+    """Return a colour such as ``#D55E00`` as three bytes.
+
+    Examples
+    --------
+    >>> rgb("#D55E00").tolist()
+    [213, 94, 0]
+    """
+    return np.frombuffer(bytes.fromhex(colour.removeprefix("#")), np.uint8)
+
+
+def bands() -> Colours:
+    """Return the colours of the distance bands, near first: light for good, dark for bad."""
+    shades = mpl.colormaps["cividis"](np.linspace(0.97, 0.0, round(LIMIT_M / BAND_M)))
+    return np.round(255 * shades[:, :3]).astype(np.uint8)
+
+
+BEYOND, NOTHING = rgb(VERMILLION), rgb("#000000")
+NO_BANDS = np.empty((0, 3), np.uint8)
+COVERED, NEAR_MISS, MISSING = rgb("#CFCFCF"), rgb(VERMILLION), rgb("#000000")
+
+
+def distance_colours(distances: NDArray[np.float64]) -> Colours:
+    """Return the colour of each distance, shape (n, 3); of none (NaN) black.
+
+    A distance on an edge between bands belongs to the nearer band, as ``within`` counts it.
+    """
+    table = np.concatenate([bands(), BEYOND[None], NOTHING[None]])
+    edges = BAND_M * np.arange(1, len(table) - 1)
+    band = np.searchsorted(edges + 1e-9, distances, side="left")
+    return table[np.where(np.isfinite(distances), band, len(table) - 1)]
+
+
+def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
+    """Draw a reconstruction from four sides, coloured by its distance to the reference."""
+    cloud, site = _thinned(evidence, name, "accuracy"), _site(evidence, name)
+    if cloud is None:
+        return not_drawn(f"Elevations of {name}", "no point of it lies in the evaluation region")
+    distances = _distances(cloud)
+    panels = [site.panel(side, f"From the {side}") for side in FOUR]
+    plan = lay_out(panels)
+    colours = distance_colours(distances)
+    pictures = [site.picture(cloud, side, plan, colours) for side in FOUR]
+    beyond = 100 * float((distances > LIMIT_M).mean())
+    content = draw(panels, plan, pictures, _distance_legend(beyond), zones=site.zones)
+    shown = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]
+    alt = (
+        f"{_within(shown['all'], site.mark)} of {name}'s points lie within {metres(site.mark, 2)} "
+        f"of the reference and {percent(beyond)} beyond {metres(LIMIT_M, 2)}{_worst_zone(shown)}."
+    )
+    caption = (
+        f"{name} from four sides, orthographic and to scale, coloured by distance to the "
+        f"reference. {_how(len(cloud), plan, site)}"
+    )
+    return Picture(f"elevations-distance-{name}", caption, alt, content, "png")
+
+
+def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
+    """Draw the reference from four sides and above: what the reconstruction lacks of it."""
+    reference, site = _thinned(evidence, name, "completeness"), _site(evidence, name)
+    assert reference is not None  # a reference without points is refused
+    distances = _distances(reference)
+    far = ~(distances <= LIMIT_M)  # what has no counterpart at all is NaN, and is far
+    colours = np.where(
+        (distances <= site.mark)[:, None], COVERED, np.where(far[:, None], MISSING, NEAR_MISS)
+    )
+    sides: tuple[Side, ...] = (*FOUR, "above")
+    panels = [
+        site.panel(side, "From above, north up" if side == "above" else f"From the {side}")
+        for side in sides
+    ]
+    plan = lay_out(panels, tallest=HALF)
+    pictures = [site.picture(reference, side, plan, colours) for side in sides]
+    mark, limit = metres(site.mark, 2), metres(LIMIT_M, 2)
+    covered = 100 * float((distances <= site.mark).mean())
+    missing = 100 * float(far.mean())
+    legend = Legend(
+        f"Distance from the reference to {labels([name])[0]}",
+        NO_BANDS,
+        (),
+        (
+            (COVERED, f"within {mark}: {percent(covered)}"),
+            (NEAR_MISS, f"{mark} to {limit}: {percent(100 - covered - missing)}"),
+            (MISSING, f"beyond {limit}: {percent(missing)}"),
+        ),
+    )
+    content = draw(panels, plan, pictures, legend, zones=site.zones)
+    shown = evidence.results["reconstructions"][name]["comparison"]["delivered"]["completeness"]
+    alt = (
+        f"{name} lacks {percent(100 - covered)} of the reference at {mark}, {percent(missing)} "
+        f"by more than {limit}{_worst_zone(shown)}."
+    )
+    caption = (
+        f"The reference, coloured by whether {name} has a point near it. "
+        f"{_how(len(reference), plan, site)}"
+    )
+    return Picture(f"elevations-missing-{name}", caption, alt, content, "png")
+
+
+def colour_elevations(evidence: Evidence, name: str) -> Picture | Passage:
+    """Draw a georeferenced reconstruction from four sides in its own colours."""
+    path = evidence.folder / "clouds" / f"{name}-georeferenced.laz"
+    if not path.exists():
+        return not_drawn(f"{name} in its own colours", "the bundle holds no such cloud")
+    site = _site(evidence, name)
+    panels = [site.panel(side, f"From the {side}") for side in FOUR]
+    plan = lay_out(panels)
+    count = 0
+    seen: dict[Side, Splat] = {}
+    for piece in stream(path):
+        if not {"red", "green", "blue"} <= set(piece.attributes):
+            return not_drawn(f"{name} in its own colours", "it has none")
+        count += len(piece)
+        colours = _photo_colours(piece)
+        for side, panel in zip(FOUR, panels, strict=True):
+            part = site.seen(piece, side, panel.window, plan.pixel, size=0.0)
+            packed = Splat(np.where(part.index >= 0, colours[part.index], -1), part.depth)
+            seen[side] = _nearer(seen[side], packed) if side in seen else packed
+    edge = max(1, int(np.ceil(site.voxel / plan.pixel)))
+    pictures = _fewer_colours([_unpacked(grown(seen[side], edge).index) for side in FOUR])
+    legend = Legend("Colours as the reconstruction holds them", NO_BANDS, ())
+    content = draw(panels, plan, pictures, legend, zones=site.zones)
+    alt = f"{name} as its own colours show it, {count:,} points, from four sides."
+    caption = f"{name} in its own colours. {_how(count, plan, site, thinned=False)}"
+    return Picture(f"elevations-colour-{name}", caption, alt, content, "png")
+
+
+def readme_picture(evidence: Evidence) -> Picture | Passage:
+    """Draw every reconstruction by its distances beside the reference, from the south."""
+    side: Side = "south"
+    clouds = {name: _thinned(evidence, name, "accuracy") for name in evidence.names}
+    drawn = {name: cloud for name, cloud in clouds.items() if cloud is not None}
+    reference = _thinned(evidence, evidence.names[0], "completeness")
+    if reference is None or not drawn:
+        return not_drawn("The clouds side by side", "no cloud has points in the region")
+    site = _site(evidence, evidence.names[0])
+    told = [
+        f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, 2)}"
+        for name in drawn
+    ]
+    given = evidence.results["project"]["settings"]["reference"]["name"] or "Reference"
+    titles = [*labels(list(drawn)), *labels([given])]
+    notes = [*told, "the reference, shaded by depth"]
+    panels = [site.panel(side, title, note) for title, note in zip(titles, notes, strict=True)]
+    plan = lay_out(panels, tallest=HALF)
+    pictures = [
+        site.picture(cloud, side, plan, distance_colours(_distances(cloud)))
+        for cloud in drawn.values()
+    ]
+    seen = site.seen(reference, side, panels[-1].window, plan.pixel)
+    pictures.append(_shaded(seen))
+    every = np.concatenate([_distances(cloud) for cloud in drawn.values()])
+    beyond = 100 * float((every > LIMIT_M).mean())
+    content = draw(panels, plan, pictures, _distance_legend(beyond), zones=site.zones)
+    alt = (
+        "Seen from the south at one scale, of the points of "
+        + listed([f"{name} {share}" for name, share in zip(drawn, told, strict=True)])
+        + f" of the reference ({given}, right)."
+    )
+    caption = (
+        f"{listed([*drawn, given])} from the south, orthographic and to scale; the reconstructions "
+        f"coloured by distance to the reference. {_how(None, plan, site)}"
+    )
+    return Picture("side-by-side", caption, alt, content, "png")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Site:
+    """What every sheet of one bundle shares: the frame, its window, the zones, the voxel."""
+
+    origin: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    zones: tuple[tuple[str, float], ...]
+    voxel: float
+    mark: float
+
+    def panel(self, side: Side, title: str, note: str = "") -> Panel:
+        window = extent(self.corners, side)
+        return Panel(title, window + _height(self, side), side != "above", note)
+
+    def seen(
+        self,
+        cloud: PointCloud,
+        side: Side,
+        window: NDArray[np.float64],
+        pixel: float,
+        *,
+        size: float | None = None,
+    ) -> Splat:
+        window = window - _height(self, side)
+        points = cloud.about(self.origin).xyz
+        size = POINT * self.voxel if size is None else size
+        return splat(points, side, window=window, pixel=pixel, size=size)
+
+    def picture(self, cloud: PointCloud, side: Side, plan: Plan, colours: Colours) -> Colours:
+        """Colour what is seen of a cloud; white where nothing is."""
+        window = extent(self.corners, side) + _height(self, side)
+        index = self.seen(cloud, side, window, plan.pixel).index
+        return np.where((index >= 0)[..., None], colours[index], np.uint8(255))
+
+
+def _height(site: _Site, side: Side) -> NDArray[np.float64]:
+    """Return what must be added to a window so that its lower and upper edge are heights."""
+    return np.zeros(4) if side == "above" else np.array([0, 1, 0, 1]) * site.origin[2]
+
+
+def _site(evidence: Evidence, name: str) -> _Site:
+    comparison = evidence.results["project"]["settings"]["comparison"]
+    found = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]
+    zones = [zone.replace("_", " ") for zone in found if zone != "all"]
+    reference = describe(evidence.folder / "clouds" / f"{name}-completeness.laz")
+    margin, within = comparison["margin_m"], comparison["within_m"]
+    around = AROUND_M if margin is None else min(AROUND_M, margin)
+    origin = np.floor(reference.low)
+    return _Site(
+        origin,
+        np.array([reference.low - around, reference.high + around]) - origin,
+        tuple(zip(zones, evidence.zone_edges(name)[:-1].tolist(), strict=True)),
+        comparison["voxel_m"],
+        float(MARK_M if MARK_M in within else within[len(within) // 2]),
+    )
+
+
+def _thinned(evidence: Evidence, name: str, direction: str) -> PointCloud | None:
+    path = Path(evidence.folder) / "clouds" / f"{name}-{direction}.laz"
+    return read(path) if path.exists() else None  # a cloud without points has no file
+
+
+def _distances(cloud: PointCloud) -> NDArray[np.float64]:
+    return cloud.attributes["distance_m"].astype(np.float64)
+
+
+def _distance_legend(beyond: float) -> Legend:
+    edges = [f"{BAND_M * k:.2f}" if k % 2 == 0 else "" for k in range(round(LIMIT_M / BAND_M) + 1)]
+    return Legend(
+        "Distance to the reference, metres",
+        bands(),
+        edges,
+        ((BEYOND, f"beyond {metres(LIMIT_M, 2)}: {percent(beyond)}"),),
+    )
+
+
+def _shaded(seen: Splat) -> Colours:
+    """Shade by depth in grey, the nearest darkest."""
+    depth = np.where(seen.index >= 0, seen.depth, np.nan)
+    near, far = np.nanmax(depth), np.nanmin(depth)
+    share = (near - depth) / max(near - far, 1e-9)
+    grey = np.where(seen.index >= 0, np.round(14 * share) * 11 + 50, 255)
+    return np.repeat(np.nan_to_num(grey, nan=255.0).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def _photo_colours(cloud: PointCloud) -> NDArray[np.int64]:
+    """Pack a cloud's colours in one number each; those of 16 bits are brought to 8."""
+    parts = np.stack([cloud.attributes[name].astype(np.int64) for name in ("red", "green", "blue")])
+    if parts.max(initial=0) > 255:
+        parts >>= 8
+    packed: NDArray[np.int64] = parts[0] << 16 | parts[1] << 8 | parts[2]
+    return packed
+
+
+def _unpacked(packed: NDArray[np.int64]) -> Colours:
+    parts = np.stack([(packed >> shift) & 255 for shift in (16, 8, 0)], axis=-1)
+    # White is the paper's; what is white in the cloud is drawn a shade darker.
+    return np.where((packed >= 0)[..., None], np.minimum(parts, 254), 255).astype(np.uint8)
+
+
+def _nearer(one: Splat, other: Splat) -> Splat:
+    nearer = other.depth > one.depth
+    return Splat(np.where(nearer, other.index, one.index), np.where(nearer, other.depth, one.depth))
+
+
+def _fewer_colours(pictures: Sequence[Colours]) -> list[Colours]:
+    """Bring photographic colours to one palette: a tenth of the bytes, and no visible change."""
+    flat = np.concatenate([picture.reshape(-1, 3) for picture in pictures])
+    image = Image.fromarray(flat[None])
+    reduced = np.array(image.quantize(PHOTO_COLOURS, dither=Image.Dither.NONE).convert("RGB"))[0]
+    reduced[(flat == 255).all(axis=1)] = 255
+    ends = np.cumsum([picture.shape[0] * picture.shape[1] for picture in pictures])[:-1]
+    parts = np.split(reduced, ends)
+    return [part.reshape(picture.shape) for part, picture in zip(parts, pictures, strict=True)]
+
+
+def _accuracy(evidence: Evidence, name: str) -> dict[str, Any]:
+    found = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]["all"]
+    return dict(found)
+
+
+def _within(row: dict[str, Any], mark: float) -> str:
+    return percent(next(each["pct"] for each in row["within"] if each["threshold_m"] == mark))
+
+
+def _worst_zone(rows: dict[str, Any]) -> str:
+    known = {k: row["p95_m"] for k, row in rows.items() if k != "all" and row["p95_m"] is not None}
+    if not known:
+        return ""
+    worst = max(known, key=known.__getitem__)
+    return f"; 95 % of the {worst} zone lies within {metres(known[worst])}"
+
+
+def _how(count: int | None, plan: Plan, site: _Site, *, thinned: bool = True) -> str:
+    drawn = "" if count is None else f"{count:,} points"
+    if thinned and site.voxel:
+        drawn += f"{', ' if drawn else 'Points '}thinned to {metres(site.voxel, 2)}, each drawn "
+        drawn += f"{metres(max(POINT * site.voxel, plan.pixel), 2)} wide"
+    drawn = drawn and f"{drawn}; "
+    return (
+        f"{drawn}{plan.pixel:g} m a pixel, 1:{plan.scale:g} at its stated size; heights in "
+        "metres, dashed lines between the height zones."
+    )
