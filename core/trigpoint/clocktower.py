@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +47,8 @@ class Tower:
     ----------
     triangles : ndarray of shape (m, 3, 3)
         Corners, counterclockwise seen from outside.
+    normals : ndarray of shape (m, 3)
+        Outward unit vectors.
     material : ndarray of shape (m,)
         Names out of `MATERIALS`.
     corners : dict of str to ndarray of shape (3,)
@@ -53,6 +56,7 @@ class Tower:
     """
 
     triangles: NDArray[np.float64]
+    normals: NDArray[np.float64]
     material: NDArray[np.str_]
     corners: dict[str, NDArray[np.float64]]
 
@@ -67,9 +71,12 @@ def build_tower() -> Tower:
         *_lower_building(),
     ]
     triangles = _turned(np.concatenate([triangles for _, triangles in parts]))
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     material = np.repeat([name for name, _ in parts], [len(triangles) for _, triangles in parts])
     corners = {name: _turned(np.array(place)) for name, place in CORNERS.items()}
-    return Tower(triangles, material, corners)
+    return Tower(triangles, normals, material, corners)
 
 
 # Half widths and heights of the tower's parts, metres.
@@ -190,11 +197,14 @@ def _lower_building() -> list[Part]:
             (middle, south - over, ridge),
         ),
     ]
-    soffits = [slope[:, ::-1] - [0.0, 0.0, 0.05] for slope in slopes]
+    thickness = np.array([0.0, 0.0, 0.05])
+    soffits = [slope[:, ::-1] - thickness for slope in slopes]
+    rims = [slope[[0, 0, 0, 1], [0, 1, 2, 2]] for slope in slopes]
+    fascias = [_mantle(rim - thickness, rim) for rim in rims]
     return [
         ("brick", np.concatenate([*sides, gables])),
         ("slate", np.concatenate(slopes)),
-        ("limestone", np.concatenate(soffits)),
+        ("limestone", np.concatenate([*soffits, *fascias])),
     ]
 
 
@@ -206,12 +216,12 @@ def _walls(
     depth: float,
     back: str,
 ) -> list[Part]:
-    """Four brick walls with the same recesses, whose reveals are limestone."""
+    """Build four brick walls with the same recesses, whose reveals are limestone."""
     cuts_x = sorted({-WALL, WALL, *(x for hole in holes for x in hole[::2])})
     cuts_z = sorted({low, high, *(z for hole in holes for z in hole[1::2])})
     panels, reveals, backs = [], [], []
-    for x0, x1 in zip(cuts_x, cuts_x[1:], strict=False):
-        for z0, z1 in zip(cuts_z, cuts_z[1:], strict=False):
+    for x0, x1 in pairwise(cuts_x):
+        for z0, z1 in pairwise(cuts_z):
             is_hole = any(a <= x0 < c and b <= z0 < d for a, b, c, d in holes)
             if not is_hole:
                 panels.append(_upright(x0, x1, z0, z1, -WALL))
@@ -231,7 +241,7 @@ def _walls(
 
 
 def _band(low: float, high: float, half: float) -> list[Part]:
-    """A string course or cornice round the shaft: front, top and underside."""
+    """Run a string course or cornice round the shaft: front, top and underside."""
     return [
         ("limestone", _prism(half, low, half, high)),
         ("limestone", _ring(half, WALL - 1.0, high)),
@@ -302,7 +312,7 @@ def _box(at: tuple[float, float], half: float, low: float, high: float) -> NDArr
 def _ball(radius: float, z: float) -> NDArray[np.float64]:
     tilts = np.radians([-80.0, -40.0, 0.0, 40.0, 80.0])
     rings = [_at(_circle(radius * np.cos(t), 8), z + radius * np.sin(t)) for t in tilts]
-    return np.concatenate([_mantle(low, high) for low, high in zip(rings, rings[1:], strict=False)])
+    return np.concatenate([_mantle(low, high) for low, high in pairwise(rings)])
 
 
 def _hand(half: float, reach: float, angle: float, middle: float, y: float) -> NDArray[np.float64]:

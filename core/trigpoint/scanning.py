@@ -74,14 +74,14 @@ def cast(fans: Fans, triangles: NDArray[np.float64]) -> Hits:
     corner = triangles[:, 0]
     outward = np.cross(triangles[:, 1] - corner, triangles[:, 2] - corner)
     plane = np.cross(fans.forward, fans.aside)
-    side = np.einsum("ni,mvi->nmv", plane, triangles)
-    side -= np.einsum("ni,ni->n", plane, fans.origin)[:, None, None]
+    side = np.einsum("ni,vmi->vnm", plane, np.ascontiguousarray(triangles.swapaxes(0, 1)))
+    side -= np.einsum("ni,ni->n", plane, fans.origin)[:, None]
     clearance = np.einsum("ni,mi->nm", fans.origin, outward)
     clearance -= np.einsum("mi,mi->m", corner, outward)
-    is_cut = (side.min(axis=2) < 0) & (side.max(axis=2) >= 0) & (clearance > 0)
+    is_cut = (side.min(axis=0) < 0) & (side.max(axis=0) >= 0) & (clearance > 0)
 
     fan, triangle = np.nonzero(is_cut)
-    side, clearance = side[fan, triangle], clearance[fan, triangle]
+    side, clearance = side[:, fan, triangle].T, clearance[fan, triangle]
     ends = _segment(side, triangles[triangle] - fans.origin[fan, None])
     angle = np.arctan2(
         np.einsum("kei,ki->ke", ends, fans.aside[fan]),
