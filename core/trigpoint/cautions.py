@@ -32,10 +32,12 @@ Code = Literal[
     "threshold_below_voxel",
     "zone_empty",
     "region_mostly_empty",  # the region crop left little of a reconstruction
+    "blocks_few",  # too small an area for an interval
     "raw_not_measured",  # too many points for unthinned shares
     "icp_not_retained",
     "icp_not_converged",  # it was still moving when its iterations ran out
     "cross_check_disagrees",
+    "pdf_not_made",  # the system lacks what the report's PDF needs
 ]
 
 CODES: frozenset[str] = frozenset(get_args(Code))
