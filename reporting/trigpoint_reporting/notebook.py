@@ -17,6 +17,7 @@ import trigpoint
 from trigpoint_reporting import recount
 from trigpoint_reporting.blocks import Block, Passage
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.render import printable
 
 Cell = dict[str, Any]
 
@@ -119,19 +120,19 @@ def _recount() -> Iterator[Cell]:
 
 def _metadata(evidence: Evidence) -> dict[str, Any]:
     project = evidence.results["project"]
-    author = ", ".join(filter(None, (project["surveyor"], project["organisation"])))
+    about = {
+        "title": project["title"] or project["id"],
+        "site": project["site"],
+        "author": ", ".join(filter(None, (project["surveyor"], project["organisation"]))),
+        "report": f"{project['id']} r{project['revision']}",
+        "status": project["status"],
+        "date": project["date"] or "",
+        "generator": f"trigpoint {trigpoint.__version__}",
+    }
     return {
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
         "language_info": {"name": "python"},
-        "trigpoint": {
-            "title": project["title"] or project["id"],
-            "site": project["site"],
-            "author": author,
-            "report": f"{project['id']} r{project['revision']}",
-            "status": project["status"],
-            "date": project["date"] or "",
-            "generator": f"trigpoint {trigpoint.__version__}",
-        },
+        "trigpoint": {key: printable(value) for key, value in about.items()},
     }
 
 

@@ -65,6 +65,11 @@ def heading(text: str) -> Shown:
     return Shown(f"<h3>{_escaped(text)}</h3>", text)
 
 
+def printable(text: str) -> str:
+    """Return text with a mark in place of each character that can't or must not be printed."""
+    return UNPRINTABLE.sub("\ufffd", text)
+
+
 def to_html(block: Block) -> str:
     """Return a block as HTML in which every text is escaped.
 
@@ -199,4 +204,4 @@ def _plain(part: Cell) -> str:
 
 
 def _escaped(text: str) -> str:
-    return escape(UNPRINTABLE.sub("\ufffd", text))
+    return escape(printable(text))
