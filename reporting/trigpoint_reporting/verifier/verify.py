@@ -27,6 +27,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -192,16 +193,27 @@ def gamma_upper(a: float, x: float) -> float:
     return front / _continued(x + 1 - a, step)
 
 
-def beta_lower(a: float, b: float, x: float) -> float:
-    """Return the regularised incomplete beta function I_x(a, b)."""
-    if x <= 0 or x >= 1:
-        return float(x >= 1)
-    front = math.exp(
-        math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b) + a * math.log(x) + b * math.log1p(-x)
-    )
+def beta_lower(a: float, b: float, x: float, y: float) -> float:
+    """Return the regularised incomplete beta function I_x(a, b); y is 1 - x, unrounded."""
+    if x <= 0 or y <= 0:
+        return float(y <= 0)
     if x > (a + 1) / (a + b + 2):
-        return 1 - front / (b * _continued(1.0, lambda k: (_beta_step(b, a, 1 - x, k), 1.0)))
+        return 1 - beta_lower(b, a, y, x)
+    front = math.exp(a * math.log(x) + b * math.log1p(-x) - _log_beta(a, b))
     return front / (a * _continued(1.0, lambda k: (_beta_step(a, b, x, k), 1.0)))
+
+
+def _log_beta(a: float, b: float) -> float:
+    a, b = min(a, b), max(a, b)
+    if b < 50:
+        return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
+
+    def rest(x: float) -> float:  # of Stirling's series
+        return 1 / (12 * x) - 1 / (360 * x**3) + 1 / (1260 * x**5)
+
+    # The difference of two large logarithms, without taking it.
+    grown = (b - 0.5) * math.log1p(a / b) + a * math.log(a + b) - a + rest(a + b) - rest(b)
+    return math.lgamma(a) - grown
 
 
 def _beta_step(a: float, b: float, x: float, k: int) -> float:
@@ -233,7 +245,8 @@ def chi2_sf(x: float, dof: float) -> float:
 
 def f_sf(x: float, top: float, bottom: float) -> float:
     """Return the probability that an F variable exceeds x."""
-    return beta_lower(bottom / 2, top / 2, bottom / (bottom + top * x))
+    whole = bottom + top * x
+    return beta_lower(bottom / 2, top / 2, bottom / whole, top * x / whole)
 
 
 def noncentral_chi2_sf(x: float, dof: float, size: float) -> float:
@@ -265,6 +278,7 @@ def normal_quantile() -> float:
     return math.sqrt(solve(lambda x: chi2_sf(x, 1), 0.05))
 
 
+@cache
 def blunder_noncentrality() -> float:
     """Return lambda for three degrees of freedom, alpha 0.001 and power 0.80: about 21.55."""
     critical = solve(lambda x: chi2_sf(x, 3), 0.001)
@@ -451,7 +465,7 @@ def read_evidence(path: Path) -> Evidence:
 
 
 def check_alignment(
-    report: Report, place: str, stored: Json, evidence: Evidence, bars: list[Json]
+    report: Report, place: str, stored: Json, evidence: Evidence, settings: Json
 ) -> None:
     """Refit the similarity, and recompute all that follows from the picks."""
     alignment = stored["alignment"]
@@ -515,9 +529,12 @@ def check_alignment(
 
     adjusted = adjust(fit, used.source, used.target, weights)
     check_loocv(report, f"{place}.loocv", stored["loocv"], used, weights, fit, adjusted, step)
+    name = place.removeprefix("reconstructions.")
+    bars = [bar for bar in settings.get("cross_check", []) if bar.get("of", "") in ("", name)]
+    accuracy = settings.get("reference", {}).get("accuracy_m")
     check_reliability(report, f"{place}.reliability", stored, used, fit, adjusted, step, bars)
     others = evidence.take([k for k, role in enumerate(evidence.roles) if role == "check"])
-    check_checks(report, f"{place}.checks", stored["checks"], others, fit, step)
+    check_checks(report, f"{place}.checks", stored["checks"], others, fit, step, accuracy)
 
 
 def length_tolerance(evidence: Evidence, fit: Fit) -> float:
@@ -603,15 +620,22 @@ def _closed_folds(_: Evidence, weights: Array, fit: Fit, adjusted: Adjusted) -> 
 
 
 def check_checks(
-    report: Report, at: str, stored: Json, picks: Evidence, fit: Fit, step: float
+    report: Report,
+    at: str,
+    stored: Json,
+    picks: Evidence,
+    fit: Fit,
+    step: float,
+    accuracy: float | None,
 ) -> None:
-    """Recompute the errors at check picks."""
+    """Recompute the errors at check picks, also with the reference's own accuracy per axis."""
     count = len(picks.ids)
     report.equal(f"{at}.n", stored["n"], count)
     report.equal(f"{at}.residuals (ids)", [row["id"] for row in stored["residuals"]], picks.ids)
     errors = picks.target - fit(picks.source)
     for error, row in zip(errors, stored["residuals"], strict=False):
         here = f"{at}.residuals[{row['id']}]"
+        report.equal(f"{here}.role", row["role"], "check")
         for axis, key in enumerate(("dx_m", "dy_m", "dz_m")):
             report.close(f"{here}.{key}", row[key], error[axis], 4 * step)
         report.close(f"{here}.d_m", row["d_m"], math.sqrt(float((error**2).sum())), 4 * step)
@@ -619,6 +643,8 @@ def check_checks(
     rmse = math.sqrt(float((errors**2).sum()) / count) if count else math.nan
     report.close(f"{at}.mean_m", stored["mean_m"], mean, 4 * step)
     report.close(f"{at}.rmse_m", stored["rmse_m"], rmse, 4 * step)
+    total = math.nan if accuracy is None else math.sqrt(rmse**2 + 3 * accuracy**2)
+    report.close(f"{at}.total_m", stored["total_m"], total, 4 * step)
 
 
 def check_reliability(
@@ -716,23 +742,30 @@ def _check_picks(
         weight = np.linalg.inv(inside.T @ own @ inside) if seen.any() else np.zeros((0, 0))
         error = inside.T @ adjusted.residuals[k]
         square, free = float(error @ weight @ error), int(seen.sum())
-        standardised = p = math.nan
+        standardised = p = give = math.nan
         if count > 3 and not (exact and not known):
             standardised = math.sqrt(square) / sigma
-            if known:
-                p = chi2_sf(square / sigma**2, free)
-            else:
+
+            def tail(square: float, free: int = free) -> float:
+                if known:
+                    return chi2_sf(square / sigma**2, free)
                 spare = 3 * count - 7 - free
                 rest = max(left - square, 2.3e-308)
-                p = f_sf(square / free / (rest / spare), free, spare)
+                return f_sf(square / free / (rest / spare), free, spare)
+
+            p = tail(square)
+            # What rounding in the residuals makes of it.
+            step = length_tolerance(used, fit)
+            moved = 4 * step * math.sqrt(square * float(np.linalg.eigvalsh(weight)[-1]))
+            give = 1e-11 + abs(tail(max(square - moved, 0.0)) - tail(square + moved))
         response = (shown[seen][:, None] * weight) * shown[seen]
         least = float(np.linalg.eigvalsh(response)[0]) if seen.all() and count > 3 else 0.0
         detectable = sigma * math.sqrt(limit / least) if least > 0 else math.inf
         report.close(f"{here}.redundancy", row["redundancy"], np.trace(redundancy), 1e-9)
         bound = slack * max(1.0, standardised if math.isfinite(standardised) else 1.0)
         report.close(f"{here}.standardised", row["standardised"], standardised, bound)
-        report.close(f"{here}.p_value", row["p_value"], p, min(1.0, 8 * bound * bound + 8 * bound))
-        if not math.isfinite(p) or abs(p - 0.05 / count) > 8 * bound:
+        report.close(f"{here}.p_value", row["p_value"], p, give)
+        if not math.isfinite(p) or abs(p - 0.05 / count) > give:
             report.equal(f"{here}.suspected", row["suspected"], bool(p < 0.05 / count))
         size = 1.0 if math.isinf(detectable) else detectable
         report.close(
@@ -1336,8 +1369,7 @@ def _check_reconstruction(
     def alignment() -> None:
         if found["alignment"] is not None:
             evidence = read_evidence(folder / "data" / f"correspondences-{name}.csv")
-            bars = [b for b in settings.get("cross_check", []) if b.get("of", "") in ("", name)]
-            check_alignment(report, place, found, evidence, bars)
+            check_alignment(report, place, found, evidence, settings)
 
     def comparison() -> None:
         arrays = read_arrays(folder / "data" / f"distances-{name}.npz")
