@@ -1,0 +1,35 @@
+import json
+from importlib import metadata
+
+from trigpoint_reporting.lockfile import installed_requirements, write_lock
+
+
+def test_the_lock_holds_what_is_required_and_nothing_else(tmp_path):
+    write_lock(tmp_path)
+    pins = dict(
+        line.split("==") for line in (tmp_path / "requirements.lock").read_text("utf-8").split()
+    )
+    assert list(pins) == sorted(pins)
+    assert pins["numpy"] == metadata.version("numpy")
+    assert "lazrs" in pins  # by an extra of laspy
+    assert "pytest" not in pins  # of ours that is not asked for
+
+
+def test_an_extra_counts_only_where_it_is_asked_for():
+    assert "jinja2" not in installed_requirements("trigpoint")
+    assert installed_requirements("no-such-distribution") == {}
+
+
+def test_the_platform_states_no_path_or_host(tmp_path):
+    write_lock(tmp_path)
+    told = json.loads((tmp_path / "platform.json").read_text("utf-8"))
+    assert set(told) == {
+        "python",
+        "implementation",
+        "system",
+        "machine",
+        "byte_order",
+        "libc",
+        "blas",
+    }
+    assert "/" not in "".join(str(value) for value in told.values())
