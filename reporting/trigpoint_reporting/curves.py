@@ -64,7 +64,7 @@ def completeness_by_zone(evidence: Evidence) -> Picture | Passage:
 def share_within(
     distances: NDArray[np.float64], limits: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the percentage of distances ``<=`` each limit; of no distances, NaN.
+    """Return the percentage of distances ``<=`` each ascending limit; of no distances, NaN.
 
     Examples
     --------
@@ -73,7 +73,8 @@ def share_within(
     """
     if not len(distances):
         return np.full(len(limits), np.nan)
-    return 100 * np.searchsorted(np.sort(distances), limits, side="right") / len(distances)
+    first = np.searchsorted(limits, distances, side="left")
+    return 100 * np.bincount(first, minlength=len(limits) + 1)[:-1].cumsum() / len(distances)
 
 
 def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
@@ -191,11 +192,9 @@ def _rows(evidence: Evidence, name: str, direction: Direction) -> Mapping[str, A
 def _by_own_zone(
     evidence: Evidence, name: str, direction: Direction, zones: Sequence[str]
 ) -> dict[str, NDArray[np.float64]]:
-    stored = evidence.distances(name)
-    distances = stored[f"delivered_{direction}_m"]
-    own = HeightZones(tuple(zones), stored["zone_edges_m"]).of(
-        stored[f"delivered_{direction}_height_m"]
-    )
+    keys = f"delivered_{direction}_m", f"delivered_{direction}_height_m", "zone_edges_m"
+    distances, heights, edges = evidence.distances(name, *keys).values()
+    own = HeightZones(tuple(zones), edges).of(heights)
     return {"all": distances} | {zone: distances[own == k] for k, zone in enumerate(zones)}
 
 

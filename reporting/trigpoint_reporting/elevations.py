@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,12 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from trigpoint.cloud import PointCloud
 from trigpoint.files import describe, read, stream
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.photo import fewer_colours, photo_colours
 from trigpoint_reporting.sheet import Colours, Legend, Panel, Plan, draw, lay_out
 from trigpoint_reporting.splat import Side, Splat, extent, grown, splat
 from trigpoint_reporting.style import VERMILLION, labels, listed, metres, not_drawn, percent
@@ -26,9 +25,10 @@ BAND_M, LIMIT_M = 0.05, 0.50
 # Where the plan of what is missing draws its line, if the project measures there.
 MARK_M = 0.10
 AROUND_M = 1.0
-PHOTO_COLOURS = 160
 # A point covers this many voxels' edges, so that a thinned surface looks as closed as it is.
 POINT = 1.5
+# Pixels over which a nearer surface darkens the one behind it.
+SHADOW = 3
 # Height in pixels of a sheet that shares its page.
 HALF = 1500
 
@@ -71,13 +71,13 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     cloud, site = _thinned(evidence, name, "accuracy"), _site(evidence, name)
     if cloud is None:
         return not_drawn(f"Elevations of {name}", "no point of it lies in the evaluation region")
-    distances = _distances(cloud)
     panels = [site.panel(side, f"From the {side}") for side in FOUR]
     plan = lay_out(panels)
-    colours = distance_colours(distances)
+    colours = distance_colours(_distances(cloud))
     pictures = [site.picture(cloud, side, plan, colours) for side in FOUR]
-    beyond = 100 * float((distances > LIMIT_M).mean())
-    content = draw(panels, plan, pictures, _distance_legend(beyond), zones=site.zones)
+    beyond = _beyond(cloud)
+    legend = _distance_legend(f": {percent(beyond)}")
+    content = draw(panels, plan, pictures, legend, zones=site.zones)
     shown = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]
     alt = (
         f"{_within(shown['all'], site.mark)} of {name}'s points lie within {metres(site.mark, 2)} "
@@ -139,20 +139,24 @@ def colour_elevations(evidence: Evidence, name: str) -> Picture | Passage:
         return not_drawn(f"{name} in its own colours", "the bundle holds no such cloud")
     site = _site(evidence, name)
     panels = [site.panel(side, f"From the {side}") for side in FOUR]
-    plan = lay_out(panels)
+    plan = lay_out(panels, tallest=HALF)
     count = 0
     seen: dict[Side, Splat] = {}
     for piece in stream(path):
         if not {"red", "green", "blue"} <= set(piece.attributes):
             return not_drawn(f"{name} in its own colours", "it has none")
         count += len(piece)
-        colours = _photo_colours(piece)
+        # White is the paper's; what is white in the cloud is drawn a shade darker.
+        colours = np.minimum(photo_colours(piece), 254).astype(np.int64) @ [65536, 256, 1]
         for side, panel in zip(FOUR, panels, strict=True):
             part = site.seen(piece, side, panel.window, plan.pixel, size=0.0)
-            packed = Splat(np.where(part.index >= 0, colours[part.index], -1), part.depth)
-            seen[side] = _nearer(seen[side], packed) if side in seen else packed
+            found = Splat(np.where(part.index >= 0, colours[part.index], -1), part.depth)
+            seen[side] = _nearer(seen[side], found) if side in seen else found
     edge = max(1, int(np.ceil(site.voxel / plan.pixel)))
-    pictures = _fewer_colours([_unpacked(grown(seen[side], edge).index) for side in FOUR])
+    packed = [grown(seen[side], edge).index for side in FOUR]
+    pictures = fewer_colours(
+        [np.stack([each >> 16, each >> 8, each], axis=-1).astype(np.uint8) for each in packed]
+    )
     legend = Legend("Colours as the reconstruction holds them", NO_BANDS, ())
     content = draw(panels, plan, pictures, legend, zones=site.zones)
     alt = f"{name} as its own colours show it, {count:,} points, from four sides."
@@ -170,12 +174,15 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
         return not_drawn("The clouds side by side", "no cloud has points in the region")
     site = _site(evidence, evidence.names[0])
     told = [
-        f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, 2)}"
-        for name in drawn
+        (
+            f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, 2)}",
+            f"{percent(_beyond(cloud))} beyond {metres(LIMIT_M, 2)}",
+        )
+        for name, cloud in drawn.items()
     ]
     given = evidence.results["project"]["settings"]["reference"]["name"] or "Reference"
     titles = [*labels(list(drawn)), *labels([given])]
-    notes = [*told, "the reference, shaded by depth"]
+    notes = [*map("\n".join, told), "the reference, shaded"]
     panels = [site.panel(side, title, note) for title, note in zip(titles, notes, strict=True)]
     plan = lay_out(panels, tallest=HALF)
     pictures = [
@@ -184,13 +191,13 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     ]
     seen = site.seen(reference, side, panels[-1].window, plan.pixel)
     pictures.append(_shaded(seen))
-    every = np.concatenate([_distances(cloud) for cloud in drawn.values()])
-    beyond = 100 * float((every > LIMIT_M).mean())
-    content = draw(panels, plan, pictures, _distance_legend(beyond), zones=site.zones)
+    content = draw(panels, plan, pictures, _distance_legend(), zones=site.zones)
     alt = (
         "Seen from the south at one scale, of the points of "
-        + listed([f"{name} {share}" for name, share in zip(drawn, told, strict=True)])
-        + f" of the reference ({given}, right)."
+        + "; of ".join(
+            f"{name}, {both[0]} and {both[1]}" for name, both in zip(drawn, told, strict=True)
+        )
+        + f" of the reference ({given}, shaded)."
     )
     caption = (
         f"{listed([*drawn, given])} from the south, orthographic and to scale; the reconstructions "
@@ -250,7 +257,13 @@ def _site(evidence: Evidence, name: str) -> _Site:
     return _Site(
         origin,
         np.array([reference.low - around, reference.high + around]) - origin,
-        tuple(zip(zones, evidence.zone_edges(name)[:-1].tolist(), strict=True)),
+        tuple(
+            zip(
+                zones,
+                evidence.distances(name, "zone_edges_m")["zone_edges_m"][:-1].tolist(),
+                strict=True,
+            )
+        ),
         comparison["voxel_m"],
         float(MARK_M if MARK_M in within else within[len(within) // 2]),
     )
@@ -265,54 +278,38 @@ def _distances(cloud: PointCloud) -> NDArray[np.float64]:
     return cloud.attributes["distance_m"].astype(np.float64)
 
 
-def _distance_legend(beyond: float) -> Legend:
+def _beyond(cloud: PointCloud) -> float:
+    """Return the percentage of a cloud that is out of the legend's range."""
+    return 100 * float((_distances(cloud) > LIMIT_M).mean())
+
+
+def _distance_legend(share: str = "") -> Legend:
     edges = [f"{BAND_M * k:.2f}" if k % 2 == 0 else "" for k in range(round(LIMIT_M / BAND_M) + 1)]
     return Legend(
         "Distance to the reference, metres",
         bands(),
         edges,
-        ((BEYOND, f"beyond {metres(LIMIT_M, 2)}: {percent(beyond)}"),),
+        ((BEYOND, f"beyond {metres(LIMIT_M, 2)}{share}"),),
     )
 
 
 def _shaded(seen: Splat) -> Colours:
-    """Shade by depth in grey, the nearest darkest."""
-    depth = np.where(seen.index >= 0, seen.depth, np.nan)
-    near, far = np.nanmax(depth), np.nanmin(depth)
-    share = (near - depth) / max(near - far, 1e-9)
-    grey = np.where(seen.index >= 0, np.round(14 * share) * 11 + 50, 255)
-    return np.repeat(np.nan_to_num(grey, nan=255.0).astype(np.uint8)[..., None], 3, axis=2)
-
-
-def _photo_colours(cloud: PointCloud) -> NDArray[np.int64]:
-    """Pack a cloud's colours in one number each; those of 16 bits are brought to 8."""
-    parts = np.stack([cloud.attributes[name].astype(np.int64) for name in ("red", "green", "blue")])
-    if parts.max(initial=0) > 255:
-        parts >>= 8
-    packed: NDArray[np.int64] = parts[0] << 16 | parts[1] << 8 | parts[2]
-    return packed
-
-
-def _unpacked(packed: NDArray[np.int64]) -> Colours:
-    parts = np.stack([(packed >> shift) & 255 for shift in (16, 8, 0)], axis=-1)
-    # White is the paper's; what is white in the cloud is drawn a shade darker.
-    return np.where((packed >= 0)[..., None], np.minimum(parts, 254), 255).astype(np.uint8)
+    """Shade in grey: darker where what is beside a pixel stands nearer to the viewer."""
+    depth = np.pad(seen.depth, SHADOW, constant_values=-np.inf)
+    height, width = seen.depth.shape
+    own = np.where(seen.index >= 0, seen.depth, 0.0)
+    hidden = np.zeros_like(own)
+    for down, across in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        rows = slice(SHADOW * (1 + down), SHADOW * (1 + down) + height)
+        columns = slice(SHADOW * (1 + across), SHADOW * (1 + across) + width)
+        hidden += np.clip(depth[rows, columns] - own, 0.0, 1.0)
+    grey = np.where(seen.index >= 0, 190 - 10 * np.round(12 * np.minimum(hidden, 1.0)), 255)
+    return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
 
 
 def _nearer(one: Splat, other: Splat) -> Splat:
     nearer = other.depth > one.depth
     return Splat(np.where(nearer, other.index, one.index), np.where(nearer, other.depth, one.depth))
-
-
-def _fewer_colours(pictures: Sequence[Colours]) -> list[Colours]:
-    """Bring photographic colours to one palette: a tenth of the bytes, and no visible change."""
-    flat = np.concatenate([picture.reshape(-1, 3) for picture in pictures])
-    image = Image.fromarray(flat[None])
-    reduced = np.array(image.quantize(PHOTO_COLOURS, dither=Image.Dither.NONE).convert("RGB"))[0]
-    reduced[(flat == 255).all(axis=1)] = 255
-    ends = np.cumsum([picture.shape[0] * picture.shape[1] for picture in pictures])[:-1]
-    parts = np.split(reduced, ends)
-    return [part.reshape(picture.shape) for part, picture in zip(parts, pictures, strict=True)]
 
 
 def _accuracy(evidence: Evidence, name: str) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from trigpoint_reporting.elevations import (
     missing_elevations,
     readme_picture,
 )
+from trigpoint_reporting.perspective import perspective_views
 from trigpoint_reporting.pick_figures import (
     icp_before_after,
     leave_one_out_errors,
@@ -44,4 +45,5 @@ OF_ALL = (
     completeness_curves,
     completeness_by_zone,
     readme_picture,
+    perspective_views,
 )

@@ -23,7 +23,8 @@ PER_MM = 10
 WIDTH = int(TEXT_MM * PER_MM)
 TALLEST = 2250
 # Room in pixels: left of a panel for its heights, right of it for its zones, above for its title.
-LEFT, BETWEEN, RIGHT, ABOVE, BELOW, LEGEND = 90, 45, 50, 60, 50, 190
+LEFT, BETWEEN, RIGHT, ABOVE, BELOW, LEGEND = 90, 45, 50, 60, 40, 190
+NOTE = 29  # pixels: a line of a panel's note
 BAND = 34  # pixels: height of a colour in the legend
 SMALL = 6.5  # points
 SCALES = np.array([m * 10.0**k for k in range(1, 6) for m in (1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 7.5)])
@@ -43,7 +44,7 @@ class Panel:
     heights : bool
         Whether up is height, so that it is ticked and its zones are marked.
     note : str
-        Stands below the panel.
+        Stands below the panel; may have several lines.
     """
 
     title: str
@@ -230,7 +231,8 @@ def _rows(panels: Sequence[Panel], scale: float) -> Plan | None:
         tallest = max(sizes[k][1] for k in row)
         for k in row:
             corners[k] = (lefts[k], top + ABOVE + tallest - sizes[k][1])
-        top += ABOVE + tallest + BELOW
+        notes = max(len(panels[k].note.splitlines()) for k in row)
+        top += ABOVE + tallest + BELOW + NOTE * notes
     return Plan(scale, pixel, corners, sizes, top + LEGEND)
 
 
@@ -238,7 +240,8 @@ def _label(ink: _Ink, panel: Panel, plan: Plan, k: int, zones: Sequence[tuple[st
     (left, top), (width, height) = plan.corners[k], plan.sizes[k]
     bottom, right = top + height, left + width
     ink.text(left, top - 28, panel.title, fontweight="bold", fontsize=8)
-    ink.text(left, bottom + 24, panel.note, color=GREY)
+    for line, note in enumerate(panel.note.splitlines()):
+        ink.text(left, bottom + 24 + NOTE * line, note, color=GREY)
     if not panel.heights:
         ink.line([left, right, right, left, left], [top, top, bottom, bottom, top], color=GREY)
         return

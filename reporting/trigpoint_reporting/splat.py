@@ -92,14 +92,13 @@ def splat(
     row = height - 1 - np.floor((up - window[1]) / pixel + 1e-9).astype(np.int64)
     inside = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
     flat = row[inside] * width + column[inside]
-    order = np.lexsort((inside, -towards[inside], flat))
-    first = np.ones(len(order), np.bool_)
-    first[1:] = np.diff(flat[order]) != 0
-    nearest = order[first]
-    index = np.full(height * width, -1, np.int64)
     depth = np.full(height * width, -np.inf)
-    index[flat[nearest]] = inside[nearest]
-    depth[flat[nearest]] = towards[inside[nearest]]
+    np.maximum.at(depth, flat, towards[inside])
+    # Of those equally near the first is seen: no order of writing decides.
+    front = towards[inside] == depth[flat]
+    index = np.full(height * width, len(points), np.int64)
+    np.minimum.at(index, flat[front], inside[front])
+    index[index == len(points)] = -1
     seen = Splat(index.reshape(height, width), depth.reshape(height, width))
     return grown(seen, max(1, int(np.ceil(size / pixel - 1e-9))))
 
