@@ -24,17 +24,17 @@ p { margin: .25rem 0 1.25rem; max-width: 45rem; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .5rem; }
 th, td { text-align: left; vertical-align: top; padding: .5rem .75rem .5rem 0;
-  border-bottom: 1px solid #d0d0d0; overflow-wrap: anywhere; }
-thead th { border-bottom: 2px solid #1b1b1b; }
-tbody th { font-weight: 600; min-width: 9rem; }
-td.number { text-align: right; white-space: nowrap; }
-th.number { text-align: right; }
+  border-bottom: 1px solid #d0d0d0; }
+thead th { border-bottom: 2px solid #1b1b1b; white-space: nowrap; vertical-align: bottom; }
+tbody th { font-weight: 600; min-width: 9rem; max-width: 24rem; overflow-wrap: anywhere; }
+.number { text-align: right; white-space: nowrap; }
 small { display: block; font-weight: 400; color: #4a4a4a; }
 .verdict { white-space: nowrap; font-weight: 600; border-left: .35rem solid; padding-left: .5rem; }
 .pass { border-color: #007a5a; } .conditional { border-color: #b06f00; }
 .fail { border-color: #b3261e; } .not-tested { border-color: #767676; }
 a { color: #00527a; }
-@media print { body { margin: 0; max-width: none; font-size: 9pt; }
+@media print { body { margin: 0; max-width: none; font-size: 8pt; }
+  .scroll { overflow: visible; } thead th { white-space: normal; }
   thead { display: table-header-group; } tr { break-inside: avoid; } }
 """
 MISSING = "not available"
@@ -68,7 +68,7 @@ def write_index(path: Path, bundles: Sequence[Path]) -> None:
 none were stated, CONDITIONAL that they are met while something they rest on is in doubt.</p>
 <div class="scroll" tabindex="0" role="region" aria-label="Table of audits">
 <table>
-<caption>One row a reconstruction. RMSE in metres, at the picks.</caption>
+<caption>RMSE in metres, at the picks</caption>
 <thead><tr><th scope="col">Project</th><th scope="col">Verdict</th><th scope="col">Limits met</th>\
 <th scope="col">Reconstruction</th><th scope="col" class="number">Picks used</th>\
 <th scope="col" class="number">Fit RMSE</th><th scope="col" class="number">Leave-one-out</th>\
@@ -100,18 +100,17 @@ def _rows(bundle: Path, beside: Path) -> Iterator[str]:
     shared_after = f'<td{span} class="number">{len(results["warnings"])}</td>'
     for position, (name, each) in enumerate(found.items()):
         alignment = each["alignment"]
-        cells = ["came georeferenced", "", ""]
+        own = '<td colspan="3">came georeferenced</td>'
         if alignment is not None:
             total = alignment["n"] + len(alignment["outliers"])
             loocv = each["loocv"]["rmse_m"]
-            cells = [
+            cells = (
                 f"{alignment['n']} of {total}",
                 f"{alignment['rmse_m']:.3f}",
                 MISSING if loocv is None else f"{loocv:.3f}",
-            ]
-        own = f"<td>{escape(name)}</td>" + "".join(
-            f'<td class="number">{cell}</td>' for cell in cells
-        )
+            )
+            own = "".join(f'<td class="number">{cell}</td>' for cell in cells)
+        own = f"<td>{escape(name)}</td>{own}"
         first = position == 0
         yield f"<tr>{shared_before if first else ''}{own}{shared_after if first else ''}</tr>\n"
 
