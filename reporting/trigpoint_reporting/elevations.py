@@ -55,15 +55,24 @@ NO_BANDS = np.empty((0, 3), np.uint8)
 COVERED, NEAR_MISS, MISSING = rgb("#CFCFCF"), rgb(VERMILLION), rgb("#000000")
 
 
-def distance_colours(distances: NDArray[np.float64]) -> Colours:
-    """Return the colour of each distance, shape (n, 3); of none (NaN) black.
+def distance_bands(distances: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return the position of each distance's colour in `colour_table`.
 
     A distance on an edge between bands belongs to the nearer band, as ``within`` counts it.
     """
-    table = np.concatenate([bands(), BEYOND[None], NOTHING[None]])
-    edges = BAND_M * np.arange(1, len(table) - 1)
-    band = np.searchsorted(edges + 1e-9, distances, side="left")
-    return table[np.where(np.isfinite(distances), band, len(table) - 1)]
+    count = round(LIMIT_M / BAND_M)
+    band = np.searchsorted(BAND_M * np.arange(1, count + 1) + 1e-9, distances, side="left")
+    return np.where(np.isfinite(distances), band, count + 1).astype(np.uint8)
+
+
+def colour_table() -> Colours:
+    """Return the colours of the bands, of what is beyond them, and of no distance at all."""
+    return np.concatenate([bands(), BEYOND[None], NOTHING[None]])
+
+
+def distance_colours(distances: NDArray[np.float64]) -> Colours:
+    """Return the colour of each distance, shape (n, 3); of none (NaN) black."""
+    return colour_table()[distance_bands(distances)]
 
 
 def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
