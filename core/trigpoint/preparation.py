@@ -189,9 +189,7 @@ def prepare(
     found = _joined(worked(work, halved()), limit=RAW_LIMIT if lattice else None)
     cuts = height_zones(float(found.low[2]), float(found.high[2]), fractions=zones)
     area = _area(region, margin, found, first.crs)
-    one, other = (found.voxels(origin, lattice, half=half).cloud for half in (0, 1))
-    floor = _floor(one, other, cuts)
-    del one, other
+    floor = _floor(found, origin, lattice, cuts)
     voxels = found.voxels(origin, lattice)
     return Reference(
         cloud=replace(voxels.cloud, crs=first.crs),
@@ -364,12 +362,17 @@ def _area(
     return None if margin is None else padded_box(reference.low, reference.high, margin=margin)
 
 
-def _floor(one: PointCloud, other: PointCloud, zones: HeightZones) -> pd.Series[float]:
-    points = one.xyz[:: max(1, math.ceil(len(one) / FLOOR_SAMPLE))]
-    squares = nearest(points, other.xyz) ** 2
-    own = zones.of(points[:, 2] + one.origin[2])
-    found = {ALL: squares} | {name: squares[own == k] for k, name in enumerate(zones.names)}
-    means = {name: float(d.mean()) if len(d) else math.nan for name, d in found.items()}
+def _floor(
+    found: _Joined, origin: NDArray[np.float64], lattice: Lattice | None, zones: HeightZones
+) -> pd.Series[float]:
+    one = found.voxels(origin, lattice, half=0).cloud.xyz
+    points = one[:: max(1, math.ceil(len(one) / FLOOR_SAMPLE))].copy()
+    del one  # before the other half takes as much memory
+    other = found.voxels(origin, lattice, half=1).cloud.xyz
+    squares = nearest(points, other) ** 2
+    own = zones.of(points[:, 2] + origin[2])
+    parts = {ALL: squares} | {name: squares[own == k] for k, name in enumerate(zones.names)}
+    means = {name: float(part.mean()) if len(part) else math.nan for name, part in parts.items()}
     # Infinite where the other half is empty: nothing was measured.
     floors = {name: math.sqrt(m) if math.isfinite(m) else math.nan for name, m in means.items()}
     return pd.Series(floors, dtype=np.float64, name="floor_rmse_m")

@@ -26,7 +26,7 @@ BITS = (21, 21, 20)
 # Cells part into slabs of eight across the easting: keys that differ only in their low bits.
 SLAB = BITS[1] + BITS[2] + 1 + 3
 # Points that wait before they are summed into the cells already found.
-PENDING = 16_000_000
+PENDING = 12_000_000
 # Points handled at a time: arrays this small stay in the processor's cache.
 BLOCK = 2**17
 # Points or cells summed at a time, about, and the step of the sample that finds where to cut.
@@ -206,18 +206,24 @@ def group(
 def gather(parts: Iterable[Cells]) -> list[Cells]:
     """Sum the points of many chunks cell by cell; memory follows the cells, not the points.
 
+    Parameters
+    ----------
+    parts : iterable of Cells
+        Blocks of points, as `group` returns them.
+
     Returns
     -------
     list of Cells
         Each ascending, and one after the other.
     """
     merged: list[Cells] = []
+    room = _room(PENDING, np.uint32)
     waiting: list[Cells] = []
+    used = 0
     for part in parts:
-        waiting.append(part)
-        if _size(waiting) > max(PENDING, _size(merged) // 2):
-            runs, merged, waiting = merged + waiting, [], []
-            merged = _merge(runs)
+        if used + len(part) > PENDING:
+            merged, waiting, used = _merge(merged + waiting), [], 0
+        waiting.append(_put(room, slice(used, used := used + len(part)), part))
     return _merge(merged + waiting)
 
 
@@ -249,16 +255,39 @@ def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None)
             xyz[:, axis] = share * lattice.voxel - (rest[axis] + EDGE / 2**STEPS * lattice.voxel)
         return xyz, counts
 
-    parts = [(np.empty((0, 3)), np.empty(0, np.int64)), *worked(work, pieces)]
-    xyz = np.concatenate([part[0] for part in parts])
-    counts = np.concatenate([part[1] for part in parts])
-    return Voxels(PointCloud(xyz, lattice.origin), counts)
+    size = sum(map(len, pieces))
+    xyz, counts, used = np.empty((size, 3)), np.empty(size, np.int64), 0
+    for part, points in worked(work, pieces):
+        rows = slice(used, used := used + len(part))
+        xyz[rows], counts[rows] = part, points
+    return Voxels(PointCloud(xyz[:used], lattice.origin), counts[:used])
 
 
 def _merge(runs: list[Cells]) -> list[Cells]:
-    # Range by range: what is being sorted stays in the processor's cache, ranges can be sorted at
-    # the same time, and what has been is freed.
-    return list(worked(_summed, _ranges(runs)))
+    # Range by range: what is being sorted stays in the processor's cache, and ranges can be sorted
+    # at the same time.
+    room, used, pieces = _room(sum(map(len, runs)), np.int64), 0, []
+    for piece in worked(_summed, _ranges(runs)):
+        pieces.append(_put(room, slice(used, used := used + len(piece)), piece))
+    return pieces
+
+
+def _room(size: int, kind: type[np.integer]) -> Cells:
+    # What lasts is kept in few large arrays. Of many small ones, made by many threads among others
+    # that do not last, the allocator gives little back: it doubled the memory.
+    keys, counts = np.empty(size, np.int64), np.empty(size, np.int64)
+    return Cells(keys, [np.empty(size, kind) for _ in range(3)], counts)
+
+
+def _put(room: Cells, rows: slice, cells: Cells) -> Cells:
+    stored = room[rows]
+    stored.keys[:] = cells.keys
+    for there, here in zip(stored.sums, cells.sums, strict=True):
+        there[:] = here
+    if cells.counts is None or stored.counts is None:
+        return Cells(stored.keys, stored.sums)
+    stored.counts[:] = cells.counts
+    return stored
 
 
 def _ranges(runs: list[Cells]) -> Iterator[list[Cells]]:
@@ -293,10 +322,6 @@ def _summed(parts: list[Cells]) -> Cells:
 
 def _points(cells: Cells) -> Counts:
     return np.ones(len(cells), np.int64) if cells.counts is None else cells.counts
-
-
-def _size(runs: list[Cells]) -> int:
-    return sum(map(len, runs))
 
 
 def _whole(cells: Cells) -> Cells:
