@@ -33,8 +33,9 @@ class Evidence:
         return list(self.results["reconstructions"])
 
     def table(self, name: str) -> pd.DataFrame:
-        """Read ``data/<name>.csv``; ids stay text."""
-        return pd.read_csv(self.folder / "data" / f"{name}.csv", dtype={"id": str})
+        """Read ``data/<name>.csv``; ids stay text, also where one is "007" or "NA"."""
+        path = self.folder / "data" / f"{name}.csv"
+        return pd.read_csv(path, dtype={"id": str}, keep_default_na=False, na_values=[""])
 
     def distances(self, name: str, *keys: str) -> dict[str, NDArray[np.float64]]:
         """Read a reconstruction's distances, their heights, and the edges of the zones.
