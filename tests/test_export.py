@@ -152,6 +152,12 @@ def test_hostile_markdown_and_printed_text_are_text():
     assert "/home/me" not in html
 
 
+def test_a_reason_given_twice_in_turn_is_printed_once():
+    why = show(Passage(["Not drawn: no picks."]))
+    found = Page(export(notebook(shown(why, name="a"), shown(why, name="b"), shown(heading("x")))))
+    assert found.text.count("Not drawn") == 1
+
+
 def test_svg_keeps_the_case_of_its_names():
     svg = show(Passage(["x"]))
     given = notebook(shown(svg), title="t")

@@ -79,28 +79,43 @@ def to_percent(notebook: NotebookNode) -> str:
 
 def _section(evidence: Evidence, section: Section) -> Iterator[Cell]:
     yield _titled(section.id, section.title)
+    shared = [figure for figure in section.figures if not _takes_a_name(figure)]
+    own = [figure for figure in section.figures if _takes_a_name(figure)]
     if not section.per_reconstruction:
-        yield from _parts(section, section.id, evidence, None)
+        yield from _tables(section, section.id, evidence, None)
+    # What compares all reconstructions stands before what is about each.
+    yield from _figures(shared, section.id, "evidence")
+    if not (section.per_reconstruction or own):
         return
     for position, name in enumerate(evidence.names):
         start = f"{section.id}-{position}"
         source = f"name = evidence.names[{position}]\nheading(name)"
         yield _code(start, source, "heading")
-        yield from _parts(section, start, evidence, name)
+        if section.per_reconstruction:
+            yield from _tables(section, start, evidence, name)
+        yield from _figures(own, start, "evidence, name")
 
 
-def _parts(section: Section, start: str, evidence: Evidence, name: str | None) -> Iterator[Cell]:
-    """Yield a cell for each table, with the text before it, and a cell for each figure."""
+def _tables(section: Section, start: str, evidence: Evidence, name: str | None) -> Iterator[Cell]:
+    """Yield a cell for each table, with the text before it."""
+    function = section.function
     arguments = "evidence" if name is None else "evidence, name"
-    blocks = section.function(evidence) if name is None else section.function(evidence, name)
+    blocks = function(evidence) if name is None else function(evidence, name)
     for number, (first, last) in enumerate(_groups(blocks)):
-        lines = [] if number else [f"blocks = {_callable(section.function)}({arguments})"]
+        lines = [] if number else [f"blocks = {_callable(function)}({arguments})"]
         several = f"*blocks[{first}:{last}]"
         lines.append(f"show({several if last - first > 1 else f'blocks[{first}]'})")
         yield _code(f"{start}-blocks-{number}", "\n".join(lines), "table")
-    for number, figure in enumerate(section.figures):
+
+
+def _figures(figures: Iterable[Callable[..., Block]], start: str, arguments: str) -> Iterator[Cell]:
+    for number, figure in enumerate(figures):
         source = f"show({_callable(figure)}({arguments}))"
         yield _code(f"{start}-figure-{number}", source, "figure")
+
+
+def _takes_a_name(figure: Callable[..., Block]) -> bool:
+    return len(inspect.signature(figure).parameters) > 1
 
 
 def _groups(blocks: Sequence[Block]) -> Iterator[tuple[int, int]]:
