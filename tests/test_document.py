@@ -242,3 +242,19 @@ def test_two_pictures_of_one_name_are_refused(tmp_path, sections, monkeypatch):
     monkeypatch.setattr(document, "execute", twofold)
     with pytest.raises(NotebookError, match=r"Two pictures are called 'a\.png'"):
         write_report(bundle(tmp_path / "b"), sections, pdf=None)
+
+
+def test_a_package_that_is_missing_is_named_with_what_to_install():
+    program = (
+        "import sys\n"
+        "sys.modules['nbclient'] = None\n"
+        "from trigpoint.errors import MissingPackageError\n"
+        "try:\n"
+        "    import trigpoint_reporting.document\n"
+        "except MissingPackageError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "trigpoint[reporting]" in done.stdout

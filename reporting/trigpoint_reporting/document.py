@@ -8,19 +8,24 @@ from collections.abc import Callable, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 
-import nbformat
-from nbformat import NotebookNode
-
 from trigpoint.canonical import write_text
 from trigpoint.cautions import Caution
 from trigpoint.delivery import sha256
 from trigpoint.errors import MissingPackageError
 from trigpoint_reporting.evidence import Evidence, open_evidence
-from trigpoint_reporting.execution import NotebookError, execute
-from trigpoint_reporting.export import AuditExporter
 from trigpoint_reporting.manifest import RECORD
-from trigpoint_reporting.notebook import RESULTS, Section, build_notebook, to_percent
 from trigpoint_reporting.pdf import Variant, write_pdf
+
+try:
+    import nbformat
+    from nbformat import NotebookNode
+
+    from trigpoint_reporting.execution import NotebookError, execute
+    from trigpoint_reporting.export import AuditExporter
+    from trigpoint_reporting.notebook import RESULTS, Section, build_notebook, to_percent
+except ImportError as error:
+    _MESSAGE = 'Reports need Jupyter\'s notebooks: pip install "trigpoint[reporting]"'
+    raise MissingPackageError(_MESSAGE) from error
 
 Say = Callable[[str], None]
 
