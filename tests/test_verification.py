@@ -4,6 +4,7 @@ import base64
 import json
 import shutil
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -291,6 +292,20 @@ def test_trap_a_distance_made_smaller(bundle):
     np.savez_compressed(path, **arrays)
     rehash(bundle)
     assert "reconstructions.nerf.comparison.delivered.accuracy.all.rmse_m" in differing(bundle)
+
+
+def test_trap_a_pdf_that_embeds_other_data(bundle):
+    def pdf(content):
+        packed = zlib.compress(content)
+        return b"%PDF-1.7\n<</Type /EmbeddedFile/Length 9>>\nstream\n" + packed + b"\nendstream\n"
+
+    table = (bundle / "data" / "loocv-nerf.csv").read_bytes()
+    (bundle / "report.pdf").write_bytes(pdf(table))
+    rehash(bundle)
+    assert verify(bundle).holds
+    (bundle / "report.pdf").write_bytes(pdf(table.replace(b"0.0", b"0.1", 1)))
+    rehash(bundle)
+    assert differing(bundle) == ["report.pdf attachment 1 is a file of the bundle"]
 
 
 def test_a_verifier_that_always_agrees_is_found_out_and_not_run(bundle):

@@ -53,7 +53,7 @@ NOT_RECOMPUTED = {
     "floor_rmse_m, raw_pct": "measured on points before thinning, which the bundle does not hold",
     "reliability.zones, next_picks, geometry": "they need the reference cloud",
     "crs, inputs' points and extents": "read from the inputs' headers",
-    "clouds/, figures/": "derived files",
+    "clouds/, figures/, the pages of report.pdf": "derived; only what the PDF embeds is compared",
 }
 
 
@@ -106,7 +106,7 @@ class Report:
             ok = own is None and stored is None
         else:
             ok = abs(stored - own) <= tolerance
-        self.rows.append(Row(quantity, stored, own, tolerance, ok))
+        self.rows.append(Row(quantity, stored, own, float(tolerance), bool(ok)))
 
     def holds(self, quantity: str, ok: bool, *, stored: Any = "", expected: Any = "") -> None:
         """Record whether a statement holds."""
@@ -666,44 +666,44 @@ def check_reliability(
     unit = 1 / float((1 / shape).mean())
     left = misfit(adjusted, shape / unit)
     sigma0 = math.sqrt(left / dof)
-    slack = 4 * step / sigma0 if sigma0 > 0 else math.inf  # of what residuals decide
     low, high = (math.sqrt(dof / solve(lambda x: chi2_sf(x, dof), tail)) for tail in (0.025, 0.975))
     report.close(f"{at}.sigma0_m", worth["sigma0_m"], sigma0, 2 * step)
     report.close(f"{at}.sigma0_low_m", worth["sigma0_low_m"], sigma0 * low, 2 * step * low)
     report.close(f"{at}.sigma0_high_m", worth["sigma0_high_m"], sigma0 * high, 2 * step * high)
 
-    sigma = math.sqrt(unit) if known else sigma0
-    variances = shape / unit * sigma**2
-    noise = np.einsum(
-        "nia,n,nib->ab", adjusted.design, adjusted.weights**2 * variances, adjusted.design
-    )
-    covariance = adjusted.cofactor @ noise @ adjusted.cofactor
-    sigmas = np.sqrt(np.diag(covariance))
-    loose = 1e-9 if known else 1e-9 + 2 * min(slack, 1.0)
+    # Everything below is a shape, which the picks' places fix, times sigma, which rounding in the
+    # residuals may move.
+    sigma, blur = (math.sqrt(unit), 0.0) if known else (sigma0, 2 * step)
+    weighted = adjusted.weights**2 * shape / unit
+    noise = np.einsum("nia,n,nib->ab", adjusted.design, weighted, adjusted.design)
+    form = adjusted.cofactor @ noise @ adjusted.cofactor
+    sizes = np.sqrt(np.diag(form))
+    moved = (sigma + blur) ** 2 - sigma**2 + 1e-9 * sigma**2
     for i in range(7):
         for j in range(7):
             report.close(
                 f"{at}.covariance[{i}][{j}]",
                 worth["covariance"][i][j],
-                covariance[i, j],
-                loose * sigmas[i] * sigmas[j],
+                sigma**2 * form[i, j],
+                moved * sizes[i] * sizes[j],
             )
-    turned = np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[1:4, 1:4])[::-1].clip(0)))
+    turned = np.degrees(np.sqrt(np.linalg.eigvalsh(form[1:4, 1:4])[::-1].clip(0)))
     report.close(
         f"{at}.rotation_sigma_deg",
         worth["rotation_sigma_deg"],
-        turned.tolist(),
-        OTHER_STEP + 4 * loose * float(turned[0]),
+        (sigma * turned).tolist(),
+        OTHER_STEP + (blur + 1e-7 * sigma) * float(turned[0]),
     )
-    half = (normal_quantile() if known else t_quantile(dof)) * sigmas[0]
+    half = (normal_quantile() if known else t_quantile(dof)) * sizes[0]
     for key, sign in (("scale_low", -1), ("scale_high", 1)):
-        bound = fit.scale * math.exp(sign * half)
-        report.close(f"{at}.{key}", worth[key], bound, 4 * fit.scale * (OTHER_STEP + loose * half))
+        bound = fit.scale * math.exp(sign * half * sigma)
+        loose = 4 * OTHER_STEP + half * (blur + 1e-9 * sigma)
+        report.close(f"{at}.{key}", worth[key], bound, fit.scale * 2 * loose)
     _check_picks(
         report, f"{at}.picks", worth, used, adjusted, shape / unit, sigma, left, known, fit
     )
     freedom = math.inf if known else dof
-    _check_bars(report, at, worth["cross_checks"], bars, fit, float(covariance[0, 0]), freedom)
+    _check_bars(report, at, worth["cross_checks"], bars, fit, sigma**2 * float(form[0, 0]), freedom)
 
 
 def _check_picks(
@@ -1281,7 +1281,10 @@ def _check_attachments(report: Report, folder: Path, pdf: Path) -> None:
     """Compare what is embedded in the PDF with the files beside it."""
     beside = {sha256(path) for path in folder.rglob("*") if path.is_file()}
     content = pdf.read_bytes()
-    for k, match in enumerate(re.finditer(rb"/EmbeddedFile\b(?s:.*?)\bstream\r?\n", content)):
+    starts = list(re.finditer(rb"/EmbeddedFile\b(?s:.*?)\bstream\r?\n", content))
+    if not starts:
+        report.notes.append("report.pdf embeds nothing that its hash alone does not cover.")
+    for k, match in enumerate(starts):
         end = content.find(b"endstream", match.end())
         packed = content[match.end() : end]
         try:
