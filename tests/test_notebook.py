@@ -9,6 +9,7 @@ from trigpoint_reporting import recount
 from trigpoint_reporting.blocks import Passage, Table, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.notebook import build_notebook, to_percent
+from trigpoint_reporting.viewer import viewer_html
 
 HOSTILE = '"); import os; os.system("x")  #<script>\n%%bash'
 HASH = "0" * 64
@@ -91,6 +92,14 @@ def test_a_cell_shows_one_table_with_the_text_before_it(notebook):
     assert found["picks-0-figure-0"] == f"show({module}.vectors(evidence, name))"
     assert found["result-blocks-0"] == f"blocks = {module}.result(evidence)\nshow(blocks[0])"
     assert "picks-1-blocks-0" not in found
+
+
+def test_what_compares_all_stands_before_what_is_about_each_and_the_viewer_is_embedded(evidence):
+    both = section("zones", picks, vectors, viewer_html, per_reconstruction=True)
+    found = sources(build_notebook(evidence, HASH, (both,)))
+    assert found["zones-figure-0"] == "embed(viewer.viewer_html(evidence))"
+    ids = list(found)
+    assert ids.index("zones-figure-0") < ids.index("zones-0") < ids.index("zones-0-figure-0")
 
 
 def test_the_same_evidence_gives_the_same_notebook(evidence, notebook):

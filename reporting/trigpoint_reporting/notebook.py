@@ -18,8 +18,11 @@ from trigpoint_reporting import recount
 from trigpoint_reporting.blocks import Block, Passage
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.render import printable
+from trigpoint_reporting.viewer import viewer_html
 
 Cell = dict[str, Any]
+# Of the evidence, and of a reconstruction's name where it is about one; the viewer is HTML.
+Figure = Callable[..., Block] | Callable[[Evidence], str]
 
 RESULTS = "data/results.json"
 SETUP = """\
@@ -28,7 +31,7 @@ from pathlib import Path
 from trigpoint.delivery import sha256
 {imports}
 from trigpoint_reporting.evidence import open_evidence
-from trigpoint_reporting.render import heading, show
+from trigpoint_reporting.render import embed, heading, show
 
 if sha256(Path(bundle) / "{results}") != results_sha256:
     raise SystemExit("{results} is not the file that this notebook was made from")
@@ -43,7 +46,7 @@ class Section(Protocol):
     title: str
     function: Callable[..., list[Block]]
     per_reconstruction: bool
-    figures: Sequence[Callable[..., Block]]
+    figures: Sequence[Figure]
 
 
 def build_notebook(
@@ -108,13 +111,14 @@ def _tables(section: Section, start: str, evidence: Evidence, name: str | None) 
         yield _code(f"{start}-blocks-{number}", "\n".join(lines), "table")
 
 
-def _figures(figures: Iterable[Callable[..., Block]], start: str, arguments: str) -> Iterator[Cell]:
+def _figures(figures: Iterable[Figure], start: str, arguments: str) -> Iterator[Cell]:
     for number, figure in enumerate(figures):
-        source = f"show({_callable(figure)}({arguments}))"
+        shown = "embed" if figure is viewer_html else "show"
+        source = f"{shown}({_callable(figure)}({arguments}))"
         yield _code(f"{start}-figure-{number}", source, "figure")
 
 
-def _takes_a_name(figure: Callable[..., Block]) -> bool:
+def _takes_a_name(figure: Figure) -> bool:
     return len(inspect.signature(figure).parameters) > 1
 
 

@@ -65,6 +65,11 @@ def heading(text: str) -> Shown:
     return Shown(f"<h3>{_escaped(text)}</h3>", text)
 
 
+def embed(html: str) -> Shown:
+    """Return a piece of a page, such as the viewer, as it is: only what escapes its own texts."""
+    return Shown(html, "[to be seen in a browser]" if html else "")
+
+
 def printable(text: str) -> str:
     """Return text with a mark in place of each character that can't or must not be printed."""
     return UNPRINTABLE.sub("\ufffd", text)
