@@ -185,3 +185,26 @@ def test_an_audit_that_misses_a_limit_is_exit_1_and_still_delivers(run, small_pr
     audits = json.loads(out)["audits"]
     assert audits[0]["results"]["verdict"] == "FAIL"
     assert (tmp_path / "out" / "small-r1" / "data" / "results.json").exists()
+
+
+def test_a_bundle_verifies_as_folder_and_as_zip_and_a_changed_one_does_not(run, small):
+    assert run("audit", small / "project.toml")[0] == 0
+    bundle = small / "audit" / "small-r1"
+    for path in (bundle, bundle.with_name("small-r1.zip")):
+        code, out, _ = run("verify", path, "--json")
+        assert (code, json.loads(out)["verified"]) == (0, True)
+    results = bundle / "data" / "results.json"
+    results.write_text(results.read_text("utf-8").replace("NOT TESTED", "PASS"), "utf-8")
+    code, out, _ = run("verify", bundle)
+    assert code == 1
+    assert "verdict" in out
+
+
+def test_several_projects_get_an_index_page(run, small_project, tmp_path):
+    one, _ = small_project(folder=tmp_path / "one")
+    other, _ = small_project(folder=tmp_path / "other")
+    other.write_text(other.read_text("utf-8").replace('id = "small"', 'id = "second"'), "utf-8")
+    assert run("audit", one, other, "--out", tmp_path / "out", "--json")[0] == 0
+    page = (tmp_path / "out" / "index.html").read_text("utf-8")
+    assert page.count("NOT TESTED") >= 2
+    assert "second" in page

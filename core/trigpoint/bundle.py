@@ -105,7 +105,7 @@ def _distances(path: Path, judged: Judged) -> None:
 
     NumPy's own format, because reading it needs NumPy alone; it stores no date.
     """
-    arrays = {}
+    arrays: dict[str, Any] = {}
     for stage, comparison in (("delivered", judged.delivered), ("after_icp", judged.after_icp)):
         if comparison is not None:
             for direction, cloud, distances in (

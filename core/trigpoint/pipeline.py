@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from trigpoint.comparison import measure
 from trigpoint.criteria import check_quantities
 from trigpoint.crs import describe_crs, parse_crs
 from trigpoint.files import describe
+from trigpoint.flawless import flawless
+from trigpoint.intervals import estimate
 from trigpoint.picks import read_picks
 from trigpoint.preparation import Reference, Thinned, prepare, thin
 from trigpoint.project import AlignmentSettings, Project, ReconstructionInput, read_project
@@ -61,7 +64,7 @@ def audit(project: Project | str | Path, *, say: Say = lambda _: None) -> Audit:
         crs=frame,
     )
     report = describe_crs(frame, at=(reference.low + reference.high) / 2)
-    surface = Surface(reference.cloud.coordinates) if settings.icp else None
+    surface = Surface(reference.cloud.coordinates)
     judged = [_judge(each, project, reference, surface, say) for each in project.reconstructions]
     return Audit(project, reference, info, report, tuple(judged))
 
@@ -70,30 +73,38 @@ def _judge(
     given: ReconstructionInput,
     project: Project,
     reference: Reference,
-    surface: Surface | None,
+    surface: Surface,
     say: Say,
 ) -> Judged:
     """Take one reconstruction through the method."""
-    within = project.comparison.within_m
+    settings, within = project.comparison, project.comparison.within_m
     info = describe(given.path)
     alignment = None
     if given.picks is not None:
         say(f"{given.name}: fitting one similarity to its picks")
         alignment = _align(given.picks, project.alignment, reference)
+    worth = None if alignment is None else alignment.reliability
 
     say(f"{given.name}: reading")
     similarity = None if alignment is None else alignment.similarity
     thinned = thin(given.path, reference, similarity=similarity)
     say(f"{given.name}: measuring accuracy and completeness")
     delivered = measure(thinned, reference, within=within)
-    if surface is None:
-        return Judged(given, info, alignment, thinned, delivered, None, None)
-
-    say(f"{given.name}: putting rigid ICP on trial")
-    trial = try_icp(thinned, surface, alignment)
-    moved = thinned.moved(trial.refinement.similarity)
-    after_icp = measure(moved, reference, within=within)
-    return Judged(given, info, alignment, thinned, delivered, trial, after_icp)
+    judged = Judged(given, info, alignment, thinned, delivered)
+    if settings.intervals:
+        say(f"{given.name}: working out intervals")
+        perfect = None
+        if worth is not None:
+            perfect = flawless(worth, surface, reference.zones, within=within)
+        spread = estimate(delivered, reliability=worth)
+        judged = replace(judged, intervals=spread, perfect=perfect)
+    if settings.icp:
+        say(f"{given.name}: putting rigid ICP on trial")
+        trial = try_icp(thinned, surface, alignment)
+        after = measure(thinned.moved(trial.refinement.similarity), reference, within=within)
+        spread_after = estimate(after) if settings.intervals else None
+        judged = replace(judged, trial=trial, after_icp=after, intervals_after_icp=spread_after)
+    return judged
 
 
 def _align(picks: Path, settings: AlignmentSettings, reference: Reference) -> Alignment:

@@ -6,8 +6,9 @@ import platform
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from importlib import metadata
+from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyproj
@@ -22,12 +23,16 @@ from trigpoint.crosschecks import CrossCheck, scale_bar
 from trigpoint.crs import CrsReport
 from trigpoint.delivery import sha256
 from trigpoint.files import CloudInfo
+from trigpoint.flawless import Flawless
+from trigpoint.intervals import Intervals
+from trigpoint.pairing import compare_pair
 from trigpoint.placement import next_picks
 from trigpoint.preparation import Reference, Thinned
 from trigpoint.project import Project, ReconstructionInput
 from trigpoint.results import (
     alignment_results,
     comparison_results,
+    interval_results,
     trial_results,
     warning_results,
 )
@@ -56,10 +61,16 @@ class Judged:
         In the reference's frame, on the reference's lattice.
     delivered : Comparison
         As it is delivered: under the similarity alone.
+    intervals : Intervals or None
+        Of that comparison; None where the project does not ask for them.
+    perfect : Flawless or None
+        What a flawless reconstruction would score on these picks; None without picks.
     trial : Trial or None
         ICP as a hypothesis; None where the project does not ask for it.
     after_icp : Comparison or None
         The same comparison after that ICP, whether retained or not.
+    intervals_after_icp : Intervals or None
+        Of sampling alone: the pose is no longer the similarity's.
     """
 
     given: ReconstructionInput
@@ -67,8 +78,11 @@ class Judged:
     alignment: Alignment | None
     thinned: Thinned
     delivered: Comparison
-    trial: Trial | None
-    after_icp: Comparison | None
+    intervals: Intervals | None = None
+    perfect: Flawless | None = None
+    trial: Trial | None = None
+    after_icp: Comparison | None = None
+    intervals_after_icp: Intervals | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +134,7 @@ def _results(audit: Audit) -> dict[str, Any]:
             "inputs": list(_inputs(audit)),
             "crs": _crs(audit),
             "reconstructions": reconstructions,
-            "paired": {},
+            "paired": {stage: list(_paired(audit, stage)) for stage in ("delivered", "after_icp")},
             "criteria": criteria,
             "verdict": verdict,
             "warnings": warning_results(cautions),
@@ -144,10 +158,29 @@ def _reconstruction(judged: Judged, audit: Audit, checks: tuple[CrossCheck, ...]
         **found,
         "icp": trial_results(judged.trial),
         "comparison": {
-            "delivered": comparison_results(judged.delivered),
-            "after_icp": None if after is None else comparison_results(after),
+            "delivered": comparison_results(judged.delivered, judged.intervals)
+            | {"intervals": interval_results(judged.intervals, judged.perfect)},
+            "after_icp": None
+            if after is None
+            else comparison_results(after, judged.intervals_after_icp)
+            | {"intervals": interval_results(judged.intervals_after_icp, None)},
         },
     }
+
+
+def _paired(audit: Audit, stage: Literal["delivered", "after_icp"]) -> Iterator[dict[str, Any]]:
+    """Compare every two reconstructions on the reference's points."""
+    for one, other in combinations(audit.judged, 2):
+        pair = [getattr(each, stage) for each in (one, other)]
+        if None in pair:
+            continue
+        poses = (one.intervals, other.intervals) if stage == "delivered" else (None, None)
+        found = compare_pair(*pair, names=(one.given.name, other.given.name), poses=poses)
+        yield {
+            "names": list(found.names),
+            "statement": found.statement,
+            "differences": found.differences,
+        }
 
 
 def _zone_sigmas(judged: Judged, reference: Reference) -> dict[str, dict[str, float]]:
@@ -195,6 +228,8 @@ def _cautions(audit: Audit, checks: dict[str, tuple[CrossCheck, ...]]) -> Iterat
         if judged.alignment is not None:
             yield from judged.alignment.cautions
         yield from judged.delivered.cautions
+        if judged.intervals is not None:
+            yield from judged.intervals.cautions
         if judged.trial is not None:
             yield from judged.trial.cautions
         yield from (c.caution for c in checks[judged.given.name] if c.caution is not None)

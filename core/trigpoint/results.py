@@ -8,17 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from trigpoint.alignment import Alignment
-from trigpoint.canonical import plain
 from trigpoint.cautions import Caution
 from trigpoint.checks import measure_checks
 from trigpoint.comparison import Comparison
 from trigpoint.errors import SimilarityError
+from trigpoint.flawless import Flawless
+from trigpoint.intervals import Intervals
 from trigpoint.similarity import Similarity
 from trigpoint.trial import Trial
 
 AXES = ["dx_m", "dy_m", "dz_m"]
+BOUNDS = ("low_pct", "high_pct")
+UNKNOWN_SHARES = dict.fromkeys(
+    [
+        "threshold_m",
+        "pct",
+        *(f"{part}{bound}" for part in ("", "pose_", "sampling_") for bound in BOUNDS),
+    ]
+)
+UNKNOWN_RMSE = dict.fromkeys(["rmse_low_m", "rmse_high_m"])
 
 
 def alignment_results(alignment: Alignment, *, accuracy: float | None = None) -> dict[str, Any]:
@@ -64,18 +75,52 @@ def alignment_results(alignment: Alignment, *, accuracy: float | None = None) ->
     }
 
 
-def comparison_results(comparison: Comparison) -> dict[str, Any]:
-    """Return `accuracy`, `completeness` and `counts`."""
-    directions = {"accuracy": comparison.accuracy, "completeness": comparison.completeness}
+def comparison_results(
+    comparison: Comparison, intervals: Intervals | None = None
+) -> dict[str, Any]:
+    """Return `accuracy`, `completeness` and `counts`.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    intervals : Intervals, optional
+        Of its shares and RMSE; their bounds are None without.
+    """
+    found: dict[str, Any] = {}
+    for direction, table in (
+        ("accuracy", comparison.accuracy),
+        ("completeness", comparison.completeness),
+    ):
+        shares = _of_direction(comparison.within, direction)
+        if intervals is not None:
+            known = _of_direction(intervals.shares, direction).drop(columns="pct")
+            shares = shares.drop(columns=["low_pct", "high_pct"])
+            shares = shares.merge(known, on=["zone", "threshold_m"], validate="one_to_one")
+            spread = _of_direction(intervals.rmse, direction).set_index("zone")
+            table = table.assign(rmse_low_m=spread["low_m"], rmse_high_m=spread["high_m"])
+        rows = zip(table.index, table.to_dict(orient="records"), strict=True)
+        found[direction] = {
+            zone: {**UNKNOWN_RMSE, **row, "within": _shares_of(shares, str(zone))}
+            for zone, row in rows
+        }
+    return found | {"counts": dict(comparison.counts)}
+
+
+def interval_results(
+    intervals: Intervals | None, perfect: Flawless | None
+) -> dict[str, Any] | None:
+    """Return the `intervals` object: what the bounds mean, and what perfection would score."""
+    if intervals is None:
+        return None
     return {
-        **{
-            direction: {
-                zone: {**row, "within": _within(comparison, direction, zone)}
-                for zone, row in zip(table.index, table.to_dict(orient="records"), strict=True)
-            }
-            for direction, table in directions.items()
-        },
-        "counts": dict(comparison.counts),
+        "statement": intervals.statement,
+        "has_pose": intervals.has_pose,
+        "block_m": intervals.block_m,
+        "draws": intervals.draws,
+        "seed": intervals.seed,
+        "perfect": None
+        if perfect is None
+        else {"statement": perfect.statement, "shares": perfect.shares},
     }
 
 
@@ -156,11 +201,13 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
     return fit, str(crs) if crs else None
 
 
-def _within(comparison: Comparison, direction: str, zone: str) -> list[dict[str, Any]]:
-    table = comparison.within
-    rows = table[(table["direction"] == direction) & (table["zone"] == zone)]
-    shares: list[dict[str, Any]] = plain(rows.drop(columns=["direction", "zone"]))
-    return shares
+def _of_direction(table: pd.DataFrame, direction: str) -> pd.DataFrame:
+    return table[table["direction"] == direction].drop(columns="direction")
+
+
+def _shares_of(shares: pd.DataFrame, zone: str) -> list[dict[str, Any]]:
+    rows = shares[shares["zone"] == zone].drop(columns="zone").to_dict(orient="records")
+    return [UNKNOWN_SHARES | {str(key): value for key, value in row.items()} for row in rows]
 
 
 def _loocv(alignment: Alignment) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The command line: `trigpoint demo, new, info, align, compare, apply, audit`."""
+"""The command line: `trigpoint demo, new, info, align, compare, apply, audit, verify`."""
 
 from __future__ import annotations
 
@@ -34,6 +34,9 @@ from trigpoint.results import (
 from trigpoint.starter import start_project
 from trigpoint.surface import Surface
 from trigpoint_reporting import console as people
+from trigpoint_reporting.batch import write_index
+from trigpoint_reporting.sealing import pack, seal, write_record
+from trigpoint_reporting.verification import verify as verify_bundle
 
 app = typer.Typer(
     add_completion=False,
@@ -230,8 +233,26 @@ def audit(
     raise typer.Exit(_audit(projects, out, as_json))
 
 
+@app.command()
+def verify(
+    bundle: Annotated[Path, Existing],
+    inputs: Annotated[Path | None, typer.Option(help="Folder of the files audited.")] = None,
+    again: Annotated[bool, typer.Option("--again", help="Run the audit again from them.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Verify a bundle, folder or zip: recompute and compare, and name what differs."""
+    with _progress() as say:
+        found = verify_bundle(bundle, inputs=inputs, again=again, say=say)
+    if as_json:
+        _print_json(found.results())
+    else:
+        typer.echo(found.text(), nl=False)
+    raise typer.Exit(0 if found.holds else 1)
+
+
 def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
     done: list[dict[str, Any]] = []
+    folders = []
     for path in projects:
         project = trigpoint.read_project(path)
         folder = bundle_folder(project, out)
@@ -241,9 +262,15 @@ def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
             results = audit.results()
             with whole_folder(folder) as draft:
                 fill_bundle(draft, audit, results, say=say)
-        done.append({"path": str(folder), "results": results})
+                write_record(draft, audit, results)
+                seal(draft)
+            archive = pack(folder)
+        folders.append(folder)
+        done.append({"path": str(folder), "zip": str(archive), "results": results})
         if not as_json:
             people.show_audit(_people(), results, str(folder))
+    if len(folders) > 1 and len({folder.parent for folder in folders}) == 1:
+        write_index(folders[0].parent / "index.html", folders)
     if as_json:
         _print_json({"audits": done})
     return 1 if any(each["results"]["verdict"] == "FAIL" for each in done) else 0
