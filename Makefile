@@ -9,8 +9,11 @@ DEMO ?= demo
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --quiet
 
+# library:packages. The PDF is set by Pango, perspective views are drawn by Mesa.
+REPORT_LIBRARIES = libpango-1.0.so.0:libpango-1.0-0 libpangoft2-1.0.so.0:libpangoft2-1.0-0 \
+  libharfbuzz-subset.so.0:libharfbuzz-subset0 libEGL.so.1:libegl1+libgl1-mesa-dri
 # Open3D, an independent implementation that the tests compare with, draws: it needs these to load.
-TEST_LIBRARIES = libGL.so.1:libgl1 libEGL.so.1:libegl1 libgomp.so.1:libgomp1 libX11.so.6:libx11-6
+TEST_LIBRARIES = libGL.so.1:libgl1 libgomp.so.1:libgomp1 libX11.so.6:libx11-6
 
 .PHONY: help demo test lint bench clean
 help:
@@ -34,6 +37,14 @@ bench: $(VENV)/.installed-dev
 clean:
 	rm -rf $(VENV) build dist $(DEMO)
 
+# Names in `missing` the packages of those libraries that the system lacks.
+define find_missing
+	missing=""; for pair in $(1); do \
+	  PATH="$$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep -q "$${pair%%:*}" || \
+	    missing="$$missing $$(echo $${pair##*:} | tr + ' ')"; \
+	done
+endef
+
 # A system package is installed where it is missing and the user may; otherwise it is named.
 define install_system_packages
 	if [ -n "$$missing" ]; then \
@@ -55,16 +66,15 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
-	$(PIP) -e .
+	@$(call find_missing,$(REPORT_LIBRARIES)); $(call install_system_packages,echo "The report is made without what needs them." >&2)
+	$(PIP) -e ".[reporting]"
 	@touch $@
 
 # What has no wheel on this machine is left out: its tests skip and say so.
-$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
-	@missing=""; for pair in $(TEST_LIBRARIES); do \
-	  PATH="$$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null | grep -q "$${pair%%:*}" || missing="$$missing $${pair##*:}"; \
-	done; $(call install_system_packages,echo "The comparisons with Open3D are skipped." >&2)
+$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
+	@$(call find_missing,$(TEST_LIBRARIES)); $(call install_system_packages,echo "The comparisons with Open3D are skipped." >&2)
 	$(PIP) -e ".[dev]"
 	@for oracle in $$($(BIN)/python -c 'import tomllib; print(*(r.split(";")[0].replace(" ", "") for r in tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"]))'); do \
 	  $(PIP) --only-binary :all: "$$oracle" || echo "No wheel of $$oracle here: its comparisons are skipped." >&2; \
 	done
-	@touch $@ $(VENV)/.installed
+	@touch $@
