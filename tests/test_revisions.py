@@ -29,6 +29,18 @@ def test_rows_are_followed_by_their_id_and_not_by_their_place():
     ]
 
 
+def test_rows_of_one_name_are_followed_by_their_place():
+    before = [{"zone": "all", "threshold_m": 0.1}, {"zone": "upper", "threshold_m": 0.1}]
+    after = [before[0], {"zone": "upper", "threshold_m": 0.2}]
+    assert compare_results({"rows": before}, {"rows": before}) == []
+    paths = [row["path"] for row in compare_results({"rows": before}, {"rows": after})]
+    # By threshold now: what was unnamed gets a name.
+    assert len(paths) == 6
+    unnamed = [{"a": 1}, {"a": 2}]
+    rows = compare_results({"rows": unnamed}, {"rows": [{"a": 1}, {"a": 3}]})
+    assert [row["path"] for row in rows] == ["rows[1].a"]
+
+
 def test_what_was_added_and_what_is_null_differ():
     rows = compare_results({"a": None}, {"a": None, "b": None})
     assert rows == [{"path": "b", "kind": "added", "before": None, "after": None}]

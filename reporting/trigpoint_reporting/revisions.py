@@ -78,21 +78,24 @@ def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         for key, item in value.items():
             yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, Sequence) and not isinstance(value, str):
+        key = _naming(value)
         for position, item in enumerate(value):
-            key, label = _label(item, position)
-            rest = {k: v for k, v in item.items() if k != key} if key else item
+            label = position if key is None else item[key]
+            rest = item if key is None else {k: v for k, v in item.items() if k != key}
             yield from _leaves(rest, f"{path}[{label}]")
     else:
         yield path, value
 
 
-def _label(item: Any, position: int) -> tuple[str, Any]:
-    """Return the key that names an item of a list, where one does, and the name."""
-    if isinstance(item, Mapping):
-        key = next((key for key in KEYS if key in item), None)
-        if key is not None:
-            return key, item[key]
-    return "", position
+def _naming(rows: Sequence[Any]) -> str | None:
+    """Return the key that names each of these rows, and no two of them alike; None without."""
+    if not all(isinstance(row, Mapping) for row in rows):
+        return None
+    for key in KEYS:
+        names = [str(row[key]) for row in rows if key in row]
+        if rows and len(names) == len(set(names)) == len(rows):
+            return key
+    return None
 
 
 def _read(folder: Path) -> dict[str, Any]:

@@ -49,7 +49,8 @@ NOT_RECOMPUTED = {
     "no larger set agrees is not searched for again",
     "loocv.rmse_procedure_m, inliers_changed": "they repeat the search in every fold",
     "icp": "an iteration over whole clouds; only its verdict is drawn again from its numbers",
-    "low_pct, high_pct, paired": "resampled (Monte Carlo)",
+    "intervals of shares and distances, perfect": "resampled (Monte Carlo); what paired concludes "
+    "from them is drawn again",
     "floor_rmse_m, raw_pct": "measured on points before thinning, which the bundle does not hold",
     "reliability.zones, next_picks, geometry": "they need the reference cloud",
     "crs, inputs' points and extents": "read from the inputs' headers",
@@ -869,6 +870,40 @@ def _quantile(d: Array, share: float) -> float:
     return float(d[below] + (position - below) * (d[above] - d[below]))
 
 
+def check_paired(report: Report, results: Json) -> None:
+    """Compare the differences of two reconstructions with what each one scored."""
+    found = results["reconstructions"]
+    for stage, pairs in results["paired"].items():
+        for k, pair in enumerate(pairs):
+            scores = [found[name]["comparison"][stage]["completeness"] for name in pair["names"]]
+            for row in pair["differences"]:
+                zone, threshold = row["zone"], row["threshold_m"]
+                at = f"paired.{stage}[{k}].{zone}.within[{threshold:g}]"
+                pcts = [
+                    next(
+                        each["pct"]
+                        for each in score[zone]["within"]
+                        if each["threshold_m"] == threshold
+                    )
+                    for score in scores
+                ]
+                if not scores[0][zone]["n"]:
+                    pcts = [math.nan, math.nan]
+                report.close(f"{at}.one_pct", row["one_pct"], pcts[0], 1e-11)
+                report.close(f"{at}.other_pct", row["other_pct"], pcts[1], 1e-11)
+                gap = pcts[0] - pcts[1]
+                report.close(f"{at}.difference_pct", row["difference_pct"], gap, 1e-11)
+                report.equal(f"{at}.verdict", row["verdict"], _told_apart(row))
+
+
+def _told_apart(row: Json) -> str:
+    if row["low_pct"] is None or row["high_pct"] is None:
+        return "not known"
+    if row["low_pct"] > 0:
+        return "better"
+    return "worse" if row["high_pct"] < 0 else "not distinguishable"
+
+
 def check_icp(report: Report, place: str, found: Json) -> None:
     """Draw the verdict on ICP again from its numbers."""
     icp = found["icp"]
@@ -1242,20 +1277,32 @@ def _check_page(
         except (KeyError, TypeError):
             report.holds(f"{at} stands in results.json", False, stored=text)
             continue
-        ok, expected = printed_right(text, stored, digits_for(rounding, path))
+        digits = digits_for(rounding, path, results)
+        ok, expected = printed_right(text, stored, digits, exact=bool(rounding) and digits is None)
         report.holds(at, ok, stored=text, expected=expected)
 
 
-def digits_for(rounding: Json, path: str) -> int | None:
-    """Return how many decimals a path is printed with; None where the bundle declares none."""
+def digits_for(rounding: Json, path: str, results: Json) -> int | None:
+    """Return how many decimals a path is printed with; None: all that the number has."""
+    if match := re.fullmatch(r"criteria\W(\d+)\W+(found|margin)", path):
+        row = results["criteria"][int(match[1])]  # as the quantity that the limit is about
+        path = f"reconstructions.{row['of']}.{row['quantity']}"
     for rule in rounding.get("rules", []):
-        if re.fullmatch(rule["pattern"], path):
-            digits = rule["digits"]
-            return None if digits is None else int(digits)
+        if _is_tame(rule["pattern"]) and re.fullmatch(rule["pattern"], path):
+            return None if rule["digits"] is None else int(rule["digits"])
     return None
 
 
-def printed_right(text: str, stored: Any, digits: int | None) -> tuple[bool, str]:
+def _is_tame(pattern: str) -> bool:
+    """Tell whether a pattern from a stranger can't keep the matcher busy for ever."""
+    repeats = len(re.findall(r"[*+]|\{\d*,", pattern))
+    nested = re.search(r"\)([*+]|\{\d*,)", pattern)
+    return len(pattern) <= 200 and repeats <= 3 and nested is None
+
+
+def printed_right(
+    text: str, stored: Any, digits: int | None, *, exact: bool = False
+) -> tuple[bool, str]:
     """Tell whether a text is how a value is printed, and what it should have said."""
     text = text.strip()
     if stored is None:
@@ -1263,12 +1310,15 @@ def printed_right(text: str, stored: Any, digits: int | None) -> tuple[bool, str
     if not _is_number(stored):
         return text == str(stored), str(stored)
     plain = _plain_number(text)
-    shown = len(plain.partition(".")[2]) if "." in plain else 0
-    expected = f"{stored:.{shown if digits is None else digits}f}"
+    shown = len(plain.partition(".")[2])
+    expected = str(stored) if exact else f"{stored:.{shown if digits is None else digits}f}"
     try:
-        near = abs(float(plain) - stored) <= 0.5 * 10.0**-shown * (1 + 1e-9) + 1e-12 * abs(stored)
+        number = float(plain)
     except ValueError:
         return False, expected
+    if exact or isinstance(stored, int):
+        return number == stored, expected
+    near = abs(number - stored) <= 0.5 * 10.0**-shown * (1 + 1e-9) + 1e-12 * abs(stored)
     return near and (digits is None or shown == digits), expected
 
 
@@ -1357,6 +1407,7 @@ def check(folder: Path) -> Report:
     attempt(report, "the pick files", lambda: check_pick_copies(report, folder, results))
     for name, found in dict(results.get("reconstructions") or {}).items():
         _check_reconstruction(report, folder, name, found, settings)
+    attempt(report, "the pairs", lambda: check_paired(report, results))
     attempt(report, "quality/iso19157.json", lambda: check_quality(report, folder, results))
     attempt(report, "ro-crate-metadata.json", lambda: check_crate(report, folder, hashes))
     attempt(report, "the verdict", lambda: check_verdict(report, results, settings))
