@@ -127,6 +127,12 @@ def test_nothing_is_asked_for_from_outside(page):
     assert "http" not in style
 
 
+def test_the_browser_is_told_to_load_nothing(page):
+    (policy,) = [each for each in Page(export(page)).of("meta") if "http-equiv" in each]
+    assert policy["http-equiv"] == "Content-Security-Policy"
+    assert policy["content"].startswith("default-src 'none'; img-src data:;")
+
+
 def test_hostile_words_about_a_project_are_text():
     keys = ("title", "report", "site", "status", "author", "date", "generator")
     found = Page(export(notebook(section("a", HOSTILE), **dict.fromkeys(keys, HOSTILE))))
