@@ -1,0 +1,187 @@
+"""What was done with which settings, and what could have affected the result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from trigpoint_reporting.blocks import Block, Cell, Table
+from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import Numbers, number_text
+
+Row = tuple[Cell, ...]
+
+STEPS = (
+    (
+        "Consensus",
+        "Sets of three picks propose similarities; the largest set of picks that agree "
+        "within the threshold is kept, refitted and judged again until it stays the same.",
+    ),
+    (
+        "Fit",
+        "One similarity (Umeyama 1991) by least squares to the picks kept: scale, rotation, "
+        "position, and nothing non-rigid.",
+    ),
+    ("Validation", "Each pick kept is left out in turn and predicted; check picks enter nothing."),
+    (
+        "Reliability",
+        "The fit is linearised at its solution; the picks' noise is carried through "
+        "its seven parameters to every point.",
+    ),
+    (
+        "Thinning",
+        "All clouds on one lattice in the target frame; the centroid of each cell is kept.",
+    ),
+    (
+        "Distances",
+        "Exact nearest neighbours both ways, in three dimensions, never cut off; zones "
+        "cut the reference's height range.",
+    ),
+    (
+        "ICP",
+        "Rigid, point to plane, about the clouds' centre, worst pairs trimmed: a hypothesis "
+        "for comparison.",
+    ),
+    (
+        "Intervals",
+        "The similarity's uncertainty by drawn poses, and sampling by blocks drawn again; seeded.",
+    ),
+)
+
+
+def method(evidence: Evidence) -> list[Block]:
+    """Return the steps, every setting, and the effects with their sizes."""
+    return [
+        Table("Method, step by step", ("Step", "What is done"), STEPS),
+        Table(
+            "Every setting of this audit",
+            ("Section", "Setting", "Value"),
+            list(_settings(evidence)),
+            ("As a file that runs again: config/project.toml.",),
+        ),
+        Table(
+            "Effects on the result",
+            ("Effect", "Size", "Unit", "How estimated", "Affects", "Treated?"),
+            list(_effects(evidence)),
+            ("Sizes are one standard deviation where the effect is random.",),
+        ),
+    ]
+
+
+def _settings(evidence: Evidence) -> Iterator[Row]:
+    for section, part in Numbers(evidence.results).items("project", "settings"):
+        for key, setting in part.items():
+            yield section, key, _setting(setting)
+
+
+def _setting(setting: Numbers) -> Cell:
+    value = setting.stored
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(number_text(each) for each in value)
+    if isinstance(value, str):
+        return value or "not stated"
+    return "none" if value is None else setting.value()
+
+
+def _effects(evidence: Evidence) -> Iterator[Row]:
+    numbers = Numbers(evidence.results)
+    for name, found in numbers.items("reconstructions"):
+        if found["alignment"] is not None:
+            yield from _of_alignment(name, found)
+    for name, found in numbers.items("reconstructions"):
+        if found["icp"] is not None:
+            yield (
+                f"{name}: pose left over, as ICP sees it",
+                found.value("icp", "shift_m"),
+                "m",
+                "rigid ICP against the reference",
+                "accuracy, completeness",
+                "reported; compared after ICP too",
+            )
+    yield from _of_reference(evidence, numbers)
+    yield from _of_map(numbers.below("crs"))
+    settings = numbers.below("project", "settings", "comparison")
+    yield (
+        "Voxel",
+        settings.value("voxel_m"),
+        "m",
+        "a setting",
+        "shares within thresholds near it",
+        "shares before thinning beside",
+    )
+
+
+def _of_alignment(name: str, found: Numbers) -> Iterator[Row]:
+    yield (
+        f"{name}: picking noise, per axis",
+        found.value("reliability", "sigma0_m"),
+        "m",
+        "residuals of the fit",
+        "fit, leave-one-out, position",
+        "carried through: covariance, intervals",
+    )
+    zones = [(part["sigma_m"], part) for _, part in found.items("reliability", "zones")]
+    known = [(sigma, part) for sigma, part in zones if sigma is not None]
+    if known:
+        _, part = max(known, key=lambda each: each[0])
+        yield (
+            f"{name}: similarity, worst zone",
+            part.value("sigma_m"),
+            "m",
+            "covariance of the fit",
+            "accuracy, completeness",
+            "in the intervals",
+        )
+
+
+def _of_reference(evidence: Evidence, numbers: Numbers) -> Iterator[Row]:
+    reference = numbers.below("project", "settings", "reference")
+    stated = reference["accuracy_m"] is not None
+    yield (
+        "Reference: its own position, per axis",
+        reference.value("accuracy_m") if stated else "not stated",
+        "m",
+        reference["accuracy_source"] or "source not stated",
+        "absolute position",
+        "added at the check picks only" if stated else "no",
+    )
+    # The floor is the reference's own: the same beside every reconstruction.
+    floor = numbers.below("reconstructions", evidence.names[0], "comparison", "delivered")
+    yield (
+        "Reference: spacing and noise",
+        floor.value("completeness", "all", "floor_rmse_m"),
+        "m",
+        "two random halves against each other",
+        "accuracy, completeness",
+        "reported as the floor",
+    )
+
+
+def _of_map(crs: Numbers) -> Iterator[Row]:
+    yield (
+        "Map grid, over 100 m, horizontally only",
+        crs.value("mm_over_100_m"),
+        "mm",
+        "the projection at the site",
+        "scale, horizontal lengths",
+        "no: stated",
+    )
+    if crs["is_ensemble"]:
+        yield (
+            "Datum ensemble",
+            crs.value("ensemble_accuracy_m"),
+            "m",
+            "the datum's register",
+            "absolute position",
+            "no: stated",
+        )
+    vertical = crs["vertical_datum"]
+    yield (
+        "Vertical datum",
+        vertical or "not known",
+        "\N{EN DASH}",
+        "the CRS",
+        "absolute heights",
+        "as stated" if vertical else "no: a warning",
+    )

@@ -1,0 +1,195 @@
+"""Accuracy and completeness: the distances both ways, by height zone."""
+
+# ruff: noqa: RUF001 - formulas are printed with their own signs, which look like letters
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from trigpoint_reporting.blocks import Block, Cell, Passage, Table
+from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import Numbers, number_text
+
+Direction = Literal["accuracy", "completeness"]
+Row = tuple[Cell, ...]
+STATISTICS = ("n", "mean_m", "median_m", "nmad_m", "rmse_m", "p95_m", "max_m", "floor_rmse_m")
+SHARES = ("Zone", "Measure", "Found", "95 % from", "95 % to", "Before thinning")
+MEANING = {
+    "accuracy": "from each point of the reconstruction to the nearest of the reference",
+    "completeness": "from each point of the reference to the nearest of the reconstruction",
+}
+
+
+def accuracy(evidence: Evidence, name: str) -> list[Block]:
+    """Return how near the reconstruction lies to the reference, zone by zone."""
+    return _direction(evidence, name, "accuracy")
+
+
+def completeness(evidence: Evidence, name: str) -> list[Block]:
+    """Return how much of the reference the reconstruction has, zone by zone, and what counted."""
+    counts = Numbers(evidence.results).below(
+        "reconstructions", name, "comparison", "delivered", "counts"
+    )
+    kept = Table(
+        f"{name}: points kept and lost at every step",
+        ("Step", "Points"),
+        [(key.replace("_", " "), part.value()) for key, part in counts.items()],
+        tuple(_region(evidence)),
+    )
+    return [*_direction(evidence, name, "completeness"), kept]
+
+
+def _direction(evidence: Evidence, name: str, direction: Direction) -> list[Block]:
+    comparison = Numbers(evidence.results).below("reconstructions", name, "comparison")
+    delivered = comparison.below("delivered")
+    zones = delivered.below(direction)
+    blocks: list[Block] = [
+        _statistics(evidence, name, direction, zones),
+        _shares(evidence, name, direction, zones),
+    ]
+    empty = [zone for zone, part in zones.items() if not part["n"]]
+    if empty:
+        blocks.append(
+            Passage(
+                (
+                    f"No points in: {', '.join(empty)}. Empty is 0 % within any distance and has "
+                    "no distance of its own.",
+                ),
+                "warning",
+            )
+        )
+    blocks += _intervals(delivered, direction)
+    if comparison["after_icp"] is not None:
+        blocks.append(_after_icp(name, direction, comparison.below("after_icp", direction)))
+    return blocks
+
+
+def _statistics(evidence: Evidence, name: str, direction: Direction, zones: Numbers) -> Table:
+    heights = _heights(evidence, name, [zone for zone, _ in zones.items()])
+    return Table(
+        f"{name}: {direction}, distances as delivered",
+        (
+            "Zone",
+            "Heights (m)",
+            "n",
+            "Mean (m)",
+            "Median (m)",
+            "NMAD (m)",
+            "RMSE (m)",
+            "P95 (m)",
+            "Largest (m)",
+            "Floor (m)",
+        ),
+        [
+            (zone, heights[zone], *(part.value(key) for key in STATISTICS))
+            for zone, part in zones.items()
+        ],
+        (
+            f"Distances {MEANING[direction]}: exact, unsigned, never cut off. RMSE = √(Σd²/n); "
+            "NMAD = 1.4826 × the median absolute deviation from the median; P95 by linear "
+            "interpolation. Floor: the RMSE between two random halves of the reference, which no "
+            "reconstruction can be asked to beat.",
+        ),
+    )
+
+
+def _heights(evidence: Evidence, name: str, zones: Sequence[str]) -> dict[str, Cell]:
+    edges = evidence.distances(name, "zone_edges_m")["zone_edges_m"].tolist()
+    spans = [(edges[0], edges[-1]), *itertools.pairwise(edges)]
+    texts = [f"{number_text(low, 1)} to {number_text(high, 1)}" for low, high in spans]
+    return dict(zip(zones, texts, strict=True))
+
+
+def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers) -> Table:
+    voxel = evidence.results["project"]["settings"]["comparison"]["voxel_m"]
+    parts = list(zones.items())
+    spread = any(share["low_pct"] is not None for _, part in parts for share in part.rows("within"))
+    rows: list[Row] = []
+    for zone, part in parts:
+        rows.append(_measure(zone, "RMSE (m)", part, "rmse_m", ("rmse_low_m", "rmse_high_m")))
+        for share in part.rows("within"):
+            mark = " *" if share["threshold_m"] <= voxel else ""
+            label = f"within {number_text(share['threshold_m'])} m (%){mark}"
+            rows.append(_measure(zone, label, share, "pct", ("low_pct", "high_pct"), "raw_pct"))
+    columns: tuple[str, ...] = SHARES
+    if not spread:
+        rows, columns = [(*row[:3], row[5]) for row in rows], (*columns[:3], columns[5])
+    return Table(
+        f"{name}: {direction} within distances, as delivered",
+        columns,
+        rows,
+        (
+            "Share of the points thinned to ",
+            Numbers(evidence.results).value("project", "settings", "comparison", "voxel_m"),
+            " m. * not resolvable: a threshold that is not above the voxel depends on where the "
+            "lattice starts; read the share before thinning beside it.",
+            "" if spread else " 95 % intervals: not available.",
+        ),
+    )
+
+
+def _measure(
+    zone: str,
+    label: str,
+    part: Numbers,
+    key: str,
+    bounds: tuple[str, str],
+    raw: str | None = None,
+) -> tuple[Cell, ...]:
+    before = "\N{EN DASH}" if raw is None else part.value(raw)
+    return zone, label, part.value(key), *(part.value(bound) for bound in bounds), before
+
+
+def _intervals(delivered: Numbers, direction: Direction) -> Iterator[Passage]:
+    notes = delivered.stored.get("intervals")
+    if not notes:
+        return
+    yield Passage((notes["statement"],), "note")
+    if direction == "completeness" and notes["perfect"] is not None:
+        yield Passage((notes["perfect"]["statement"],), "note")
+
+
+def _after_icp(name: str, direction: Direction, zones: Numbers) -> Table:
+    parts = list(zones.items())
+    marks = [row["threshold_m"] for row in parts[0][1]["within"]]
+    rows: list[tuple[Cell, ...]] = [
+        (
+            zone,
+            *(part.value(key) for key in ("n", "median_m", "rmse_m", "p95_m")),
+            *(share.value("pct") for share in part.rows("within")),
+        )
+        for zone, part in parts
+    ]
+    return Table(
+        f"{name}: {direction} after ICP, for comparison only",
+        (
+            "Zone",
+            "n",
+            "Median (m)",
+            "RMSE (m)",
+            "P95 (m)",
+            *(f"≤ {number_text(mark)} m (%)" for mark in marks),
+        ),
+        rows,
+        ("The same after the rigid ICP of the section before: the pose of no delivered cloud.",),
+    )
+
+
+def _region(evidence: Evidence) -> Iterator[Cell]:
+    settings = Numbers(evidence.results).below("project", "settings", "comparison")
+    polygon = [row["path"] for row in evidence.results["inputs"] if row["role"] == "region"]
+    yield "Evaluation region: "
+    if polygon:
+        yield f"the polygon in {polygon[0]}. "
+    elif settings["margin_m"] is None:
+        yield "everything, no crop. "
+    else:
+        yield "the reference's extent and "
+        yield settings.value("margin_m")
+        yield " m around it. "
+    yield (
+        "It crops reconstructions only: no point of the reference is left out for want of a "
+        "partner."
+    )

@@ -1,0 +1,27 @@
+"""Limitations in a person's words, then every doubt that the work raised."""
+
+from __future__ import annotations
+
+from trigpoint_reporting.blocks import Block, Passage, Table
+from trigpoint_reporting.evidence import Evidence
+
+
+def limitations(evidence: Evidence) -> list[Block]:
+    """Return what a person stated, or that nobody did, and the warnings by code."""
+    stated = evidence.results["project"]["limitations"]
+    paragraphs = [line for line in stated.splitlines() if line.strip()]
+    blocks: list[Block] = [Passage((line,)) for line in paragraphs] or [
+        Passage(("No limitations statement was supplied.",), "warning")
+    ]
+    warnings = evidence.results["warnings"]
+    if not warnings:
+        return [*blocks, Passage(("No warnings were raised.",))]
+    return [
+        *blocks,
+        Table(
+            "Warnings",
+            ("Code", "What was found"),
+            [(each["code"], each["message"]) for each in warnings],
+            ("Codes are a fixed vocabulary. A warning stops nothing: it says what is in doubt.",),
+        ),
+    ]

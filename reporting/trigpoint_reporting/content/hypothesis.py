@@ -1,0 +1,80 @@
+"""ICP as a hypothesis that held-out picks may reject."""
+
+from __future__ import annotations
+
+from trigpoint_reporting.blocks import Block, Passage, Table
+from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import Numbers, derived
+
+CANNOT_FALL = (
+    "The error at the control picks cannot fall: the fit has made it as small as any similarity "
+    "can, so that ICP can only raise it, and it decides nothing. The error between the surfaces "
+    "is what ICP minimises, and decides nothing either."
+)
+ERRORS = (
+    ("Between the surfaces, RMSE (m)", "surface_rmse", "nothing: ICP minimises it"),
+    ("At the control picks, RMSE (m)", "control_rmse", "nothing: the fit minimises it"),
+    ("Leave-one-out RMSE (m)", "loocv_rmse", "where there are no check picks"),
+    ("At the check picks, RMSE (m)", "check_rmse", "where there are check picks"),
+)
+
+
+def icp(evidence: Evidence, name: str) -> list[Block]:
+    """Return the rule, then the numbers, then what follows."""
+    found = Numbers(evidence.results).below("reconstructions", name)
+    if found["icp"] is None:
+        return [Passage(("The project asked for no ICP.",), "note")]
+    trial = found.below("icp")
+    return [
+        Passage((f"Rule, set before the numbers: {trial['rule']}",)),
+        Passage((CANNOT_FALL,)),
+        Table(
+            f"{name}: errors without and with ICP",
+            ("Error", "Without", "With", "Change", "Decides"),
+            [
+                (
+                    label,
+                    trial.value(f"{key}_before_m"),
+                    trial.value(f"{key}_after_m"),
+                    derived(_change(trial, key), 3),
+                    decides,
+                )
+                for label, key, decides in ERRORS
+            ],
+            (
+                "Rigid and centred; rotation ",
+                trial.value("rotation_deg"),
+                "°, shift of the reference's centroid ",
+                trial.value("shift_m"),
+                " m (E ",
+                trial.value("translation_m", 0),
+                ", N ",
+                trial.value("translation_m", 1),
+                ", h ",
+                trial.value("translation_m", 2),
+                "); ",
+                trial.value("iterations"),
+                " iterations; overlap ",
+                trial.value("overlap_pct"),
+                " %.",
+            ),
+        ),
+        Passage((_decision(trial),), "plain" if trial["retained"] else "note"),
+    ]
+
+
+def _change(trial: Numbers, key: str) -> float | None:
+    before, after = trial[f"{key}_before_m"], trial[f"{key}_after_m"]
+    return None if before is None or after is None else after - before
+
+
+def _decision(trial: Numbers) -> str:
+    comparison = (
+        "What is delivered is the similarity's result; clouds after ICP serve to compare "
+        "reconstructions with their difference of pose taken out, and are not delivered."
+    )
+    if trial["retained"]:
+        return f"Retained as a better pose: the held-out error fell. {comparison}"
+    judged = trial["control_rmse_before_m"] is not None or trial["check_rmse_before_m"] is not None
+    why = "the held-out error did not fall" if judged else "nothing was held out to judge it by"
+    return f"Not retained: {why}. {comparison}"
