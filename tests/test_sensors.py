@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -134,6 +136,12 @@ def test_facades_are_sparse_and_ground_and_roof_are_dense(flown):
     assert facade < ground / 4
 
 
+def test_crossing_lines_scan_every_side_of_the_tower(flown):
+    points = in_tower_axes(np.concatenate([cloud.xyz for cloud in flown]))
+    counts = [on_wall(points, side, low=20, high=23.5).sum() for side in "ewns"]
+    assert max(counts) < 1.5 * min(counts)
+
+
 def test_ground_is_classified_as_ground_and_the_rest_as_building(flown):
     for cloud in flown:
         is_ground = cloud.attributes["classification"] == 2
@@ -143,10 +151,10 @@ def test_ground_is_classified_as_ground_and_the_rest_as_building(flown):
 
 def test_strips_say_when_and_on_which_line_they_were_flown(flown):
     lines = [np.unique(cloud.attributes["point_source_id"]).tolist() for cloud in flown]
-    assert lines == [[1]] * 3 + [[2]] * 3 + [[3]] * 3
+    assert lines == [[line] for line in (1, 2, 3, 4) for _ in sensors.SCAN_TILTS]
     times = [cloud.attributes["gps_time"] for cloud in flown]
-    assert times[0].max() < times[3].min()
-    assert times[3].max() < times[6].min()
+    for one, after in pairwise(times[:: len(sensors.SCAN_TILTS)]):
+        assert one.max() < after.min()
 
 
 def test_strips_do_not_depend_on_where_reading_stops(tower, flown):
@@ -189,12 +197,17 @@ def test_photogrammetry_loses_what_is_thin_or_plain(flown, pictured):
 
 
 def test_photogrammetry_is_the_more_accurate_and_neural_points_float(tower, pictured):
-    matched, radiant = (distances(sample(points, 800), tower.triangles) for points in pictured)
+    matched_points, radiant_points = pictured
+    matched = distances(sample(matched_points, 800), tower.triangles)
+    radiant = distances(sample(radiant_points, 800), tower.triangles)
     assert np.sqrt((matched**2).mean()) == pytest.approx(0.02, abs=0.005)
     assert not (matched > 0.5).any()
     near = radiant < 0.5
     assert np.sqrt((radiant[near] ** 2).mean()) == pytest.approx(0.04, abs=0.01)
-    assert 0.001 < 1 - near.mean() < 0.02
+    # Of the few that float, a share floats further out than this.
+    parts = np.array_split(sample(radiant_points, 4_000, seed=1), 8)
+    floating = np.concatenate([distances(part, tower.triangles) for part in parts]) > 0.5
+    assert 0.001 < floating.mean() < 0.004
 
 
 @pytest.mark.parametrize("density", [0.0, -1.0, np.inf, np.nan])

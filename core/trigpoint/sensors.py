@@ -25,10 +25,16 @@ LASER, CAMERA = 1, 2  # random streams of a seed; `synthetic` has the others
 
 # Flight lines over the tower: direction anticlockwise from east, distance aside, height above
 # ground; degrees and metres.
-FLIGHTS = ((17.0, -38.0, 118.0), (17.0, 42.0, 121.0), (107.0, 6.0, 116.0))
+# They cross, so that a line looks at each side of the tower.
+FLIGHTS = (
+    (17.0, -44.0, 112.0),
+    (17.0, 48.0, 115.0),
+    (107.0, -46.0, 110.0),
+    (107.0, 43.0, 113.0),
+)
 SCAN_TILTS = (-10.0, 0.0, 10.0)  # degrees fore and aft of the scanner's three channels
 SCAN_REACH = 50.0  # degrees to each side
-SCAN_SPACING = 0.22  # metres on the ground, of each channel at density 1
+SCAN_SPACING = 0.25  # metres on the ground, of each channel at density 1
 SPEED = 8.0
 START = 4.6e8  # GPS time less 1e9 seconds, as LAS counts it
 RANGE_NOISE, STRIP_OFFSET = 0.015, 0.010  # metres, one sigma
@@ -44,8 +50,7 @@ GRAZING = 0.2  # cosine below which a surface yields no more points for being se
 # What a radiance field gets wrong: the share of its points that are fog about a surface, the depth
 # of the fog, the noise in depth and in place and the waves of the others, metres.
 FOG, FOG_DEPTH, DEPTH_NOISE, NOISE, WAVES = 0.06, 0.14, 0.045, 0.02, 0.05
-FLOATERS = 0.004
-FLOATING = ([-14.0, -14.0, 1.0], [14.0, 14.0, 62.0])
+FLOATERS, FLOATING = 0.004, 0.8  # share of the points, and how far in front of a surface
 MATCHING_NOISE = 0.015
 CONTROL_OFFSET = np.array([0.012, -0.015, 0.020])  # what the photographs' ground control got wrong
 SUN = np.array([-0.45, -0.60, 0.66])
@@ -90,7 +95,7 @@ def strips(tower: Tower, density: float, *, seed: int) -> Iterator[PointCloud]:
     ----------
     tower : Tower
     density : float
-        At 1, about 160 points on a square metre of open ground.
+        At 1, about 140 points on a square metre of open ground.
     seed : int
 
     Yields
@@ -153,7 +158,7 @@ def radiance(
     """Take points from a radiance field at the pixels of a photograph, in the field's own frame.
 
     Nothing that was seen is missing, but depth is noisier, wavy, foggy in places, and a few points
-    float in the air. Coordinates are rounded to float32, as nerfstudio exports them.
+    float in front of what they show. Coordinates are rounded to float32, as nerfstudio exports.
     """
     expected = np.where(photograph.facing > 0.08, NEURAL * photograph.area, 0.0)
     chosen = np.flatnonzero(rng.random(len(expected)) < expected)
@@ -162,11 +167,12 @@ def radiance(
     depth += WAVES * (_pattern(photograph.points[chosen], 5) - 0.5)
     points = photograph.points[chosen] + depth[:, None] * photograph.direction[chosen]
     points += rng.normal(0, NOISE, points.shape)
-    floating = round(FLOATERS * len(chosen))
-    points = np.concatenate([points, rng.uniform(*FLOATING, (floating, 3))])
-    haze = rng.integers(120, 220, floating).astype(np.uint8)
-    colours = _colours(tower, photograph, chosen, rng)
-    attributes = {name: np.concatenate([values, haze]) for name, values in colours.items()}
+    floats = np.flatnonzero(rng.random(len(chosen)) < FLOATERS)
+    lift = rng.exponential(FLOATING, (len(floats), 1))
+    points[floats] -= lift * photograph.direction[chosen[floats]]
+    attributes = _colours(tower, photograph, chosen, rng)
+    for values in attributes.values():
+        values[floats] = rng.integers(120, 220, len(floats))
     local = neural_from_target(points + SITE).astype(np.float32).astype(np.float64)
     return PointCloud(local, np.zeros(3), attributes)
 
@@ -192,7 +198,8 @@ def _strip(
     spacing = SCAN_SPACING / np.sqrt(density)
     along, across = _bearing(azimuth), _bearing(azimuth + 90.0)
     reach = FAR + height * np.tan(abs(tilt))
-    way = np.arange(-reach, reach, spacing)
+    # Begun anywhere: a plane of rays that runs along a wall exactly would meet it nowhere.
+    way = np.arange(-reach, reach, spacing) + rng.uniform(0, spacing)
     origin = way[:, None] * along + aside * across + [0.0, 0.0, height]
     down = np.sin(tilt) * along - [0.0, 0.0, np.cos(tilt)]
     step = spacing / height
