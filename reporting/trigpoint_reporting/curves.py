@@ -159,8 +159,8 @@ def _by_zone(evidence: Evidence, direction: Direction) -> Picture | Passage:
                 low = np.array([_float(each["low_pct"]) for each in found])
                 high = np.array([_float(each["high_pct"]) for each in found])
                 intervals = intervals or bool(np.isfinite(low).any())
-                axes.hlines(at, low, high, color=line.color, linewidth=2.6, alpha=0.35)
-                axes.plot(share, at, line.marker, color=line.color, markersize=4.5, clip_on=False)
+                axes.hlines(at, low, high, color=line.color, linewidth=3, alpha=0.45)
+                axes.plot(share, at, line.marker, color=line.color, markersize=3.8, clip_on=False)
                 for value, left, right, y in zip(share, low, high, at, strict=True):
                     _beside(axes, value, np.fmin(value, left), np.fmax(value, right), y)
             axes.set_title(f"within {metres(threshold, 2)}")

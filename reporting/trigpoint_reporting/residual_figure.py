@@ -33,6 +33,8 @@ POSITION = ["target_x", "target_y", "target_z"]
 RESIDUAL = ["dx_m", "dy_m", "dz_m"]
 # Picks named in the figure: with more, the names would hide the arrows.
 NAMED = 12
+# Picks beyond this many are small marks, so that the arrows are seen.
+CROWD = 40
 # The longest arrow, as a share of the picks' extent.
 ARROW = 0.22
 ROUND = np.array([m * 10.0**k for k in range(7) for m in (1, 2, 5)])
@@ -157,10 +159,11 @@ def _arrows(
     cut: NDArray[np.bool_],
 ) -> None:
     raster = len(table) > RASTER
+    size = 4.5 if len(table) <= CROWD else 2.0
     for kind, (marker, color) in MARKS.items():
         own = (table["kind"] == kind).to_numpy()
         axes.plot(
-            *place[own].T, marker, color=color, markersize=4.5, linestyle="none", rasterized=raster
+            *place[own].T, marker, color=color, markersize=size, linestyle="none", rasterized=raster
         )
         for whole, linestyle in ((own & ~cut, "solid"), (own & cut, "dashed")):
             axes.quiver(
@@ -192,7 +195,7 @@ def _layout(size: NDArray[np.float64]) -> tuple[float, list[NDArray[np.float64]]
         (TEXT_MM - 2 * BESIDE - 2) / (east + max(east, north)),
         min(TALLEST / north, (TALLEST - gap) / (2 * up)),
     )
-    if row >= stack:
+    if row >= 0.8 * stack:  # a row is easier to read
         step = np.array([row * east + BESIDE, 0.0])
         return row, [base, base + step, base + 2 * step], row * max(north, up) + BELOW + ABOVE
     right = base + np.array([stack * east + BESIDE, 0.0])

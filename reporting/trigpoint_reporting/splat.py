@@ -105,16 +105,9 @@ def splat(
 
 def grown(seen: Splat, edge: int) -> Splat:
     """Let every point cover a square of `edge` pixels, behind those that are nearer."""
-    index, depth = seen.index.copy(), seen.depth.copy()
-    height, width = index.shape
-    start = -((edge - 1) // 2)
-    for down in range(start, start + edge):
-        for across in range(start, start + edge):
-            to = _overlap(height, down), _overlap(width, across)
-            fro = _overlap(height, -down), _overlap(width, -across)
-            nearer = seen.depth[fro] > depth[to]
-            index[to] = np.where(nearer, seen.index[fro], index[to])
-            depth[to] = np.where(nearer, seen.depth[fro], depth[to])
+    index, depth = seen.index, seen.depth
+    for _ in range(2):  # along the columns, then along the rows
+        index, depth = _stretched(index.T, depth.T, edge)
     return Splat(index, depth)
 
 
@@ -122,5 +115,19 @@ def _seen(points: Points, side: Side) -> tuple[NDArray[np.float64], ...]:
     return tuple(sign * points[:, axis] for axis, sign in _FRAMES[side])
 
 
-def _overlap(length: int, shift: int) -> slice:
-    return slice(max(0, shift), length + min(0, shift))
+def _stretched(
+    index: NDArray[np.int64], depth: NDArray[np.float64], edge: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Find the nearest of `edge` rows at every row: pairs of rows, pairs of those, and so on."""
+    length = len(index)
+    index = np.pad(index, ((edge, edge), (0, 0)), constant_values=-1)
+    depth = np.pad(depth, ((edge, edge), (0, 0)), constant_values=-np.inf)
+    width = 1
+    while width < edge:
+        shift = min(width, edge - width)
+        nearer = depth[shift:] > depth[:-shift]
+        index = np.where(nearer, index[shift:], index[:-shift])
+        depth = np.where(nearer, depth[shift:], depth[:-shift])
+        width += shift
+    first = 1 + (edge - 1) // 2
+    return index[first : first + length], depth[first : first + length]
