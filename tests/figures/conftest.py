@@ -5,7 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-LIMIT = 'intervals = false\n[[limit]]\nquantity = "loocv.max_scale_change_pct"\nof = "nerf"\nmax = 0.5\nsource = "brief"\n'
+LIMIT = """intervals = false
+[[limit]]
+quantity = "loocv.max_scale_change_pct"
+of = "nerf"
+max = 0.5
+source = "brief"
+"""
 BUILT = []
 
 
