@@ -15,9 +15,11 @@ from trigpoint.delivery import sha256, whole_folder
 from trigpoint_reporting.blocks import Passage, Picture, Table, Value
 from trigpoint_reporting.manifest import MANIFEST, RECORD, BundleError, hash_files, record_hash
 from trigpoint_reporting.manifest import write_manifest as write_hashes
+from trigpoint_reporting.numbers import Numbers
 from trigpoint_reporting.render import to_html
 from trigpoint_reporting.sealing import pack, seal, verifier_source, write_record
 from trigpoint_reporting.verification import verify
+from trigpoint_reporting.verifier import verify as verifier
 
 LIMITS = (
     '[[limit]]\nquantity = "loocv.rmse_m"\nof = "nerf"\nmax = 0.2\nsource = "brief, clause 4"\n'
@@ -367,6 +369,45 @@ def test_verifying_changes_nothing(bundle):
     verify(bundle)
     assert hash_files(bundle) == before
     assert sha256(bundle / MANIFEST) == before[MANIFEST]
+
+
+def test_every_number_as_the_reports_print_it_is_accepted(bundle):
+    results = json.loads((bundle / "data" / "results.json").read_text("utf-8"))
+    rounding = json.loads((bundle / "data" / "rounding.json").read_text("utf-8"))
+    assert all(verifier._is_tame(rule["pattern"]) for rule in rounding["rules"])
+
+    def leaves(part):
+        if isinstance(part.stored, dict):
+            for _, each in part.items():
+                yield from leaves(each)
+        elif isinstance(part.stored, list):
+            for each in part.rows():
+                yield from leaves(each)
+        elif not isinstance(part.stored, bool):
+            yield part.value()
+
+    seen = 0
+    for value in leaves(Numbers(results)):
+        if value.path and not value.path.startswith("criteria"):
+            stored = verifier.look_up(results, value.path)
+            digits = verifier.digits_for(rounding, value.path, results)
+            right, _ = verifier.printed_right(value.text, stored, digits, exact=digits is None)
+            assert right, value
+            seen += 1
+    assert seen > 500
+
+
+def test_a_limit_is_printed_as_its_quantity(bundle):
+    results = json.loads((bundle / "data" / "results.json").read_text("utf-8"))
+    rounding = json.loads((bundle / "data" / "rounding.json").read_text("utf-8"))
+    for path in ("criteria.0.found", "criteria[0].margin"):
+        assert verifier.digits_for(rounding, path, results) == 3
+
+
+@pytest.mark.parametrize("pattern", ["(a+)+b", "(a*)*", "(.*){1,}x", "a*a*a*a*b", "a" * 201])
+def test_a_pattern_that_could_keep_the_verifier_busy_is_not_matched(pattern):
+    rounding = {"rules": [{"pattern": pattern, "digits": 3}]}
+    assert verifier.digits_for(rounding, "a" * 5000, {}) is None
 
 
 def test_running_again_gives_the_same_numbers(bundle):

@@ -25,6 +25,7 @@ from trigpoint_reporting.manifest import (
     list_files,
     write_manifest,
 )
+from trigpoint_reporting.numbers import write_rounding
 from trigpoint_reporting.quality import quality_report
 from trigpoint_reporting.recipe import write_recipe
 from trigpoint_reporting.revisions import write_changes
@@ -40,7 +41,8 @@ def write_record(folder: Path, audit: Audit, results: Mapping[str, Any]) -> None
 
     To be called after `fill_bundle` and before the report is written, so that the report can
     state `record_hash`. Writes config/, env/, quality/, verify/, the correspondences of each
-    similarity, what changed since the last revision, and ``record-sha256.txt``.
+    similarity, how numbers are rounded in print, what changed since the last revision, and
+    ``record-sha256.txt``.
 
     Parameters
     ----------
@@ -58,6 +60,7 @@ def write_record(folder: Path, audit: Audit, results: Mapping[str, Any]) -> None
     (folder / "verify" / "verify.py").write_bytes(verifier_source())
     for judged in audit.judged:
         _correspondences(folder / "data", judged)
+    write_rounding(folder / "data" / "rounding.json")
     write_changes(folder / "data" / "changes.json", results, folder.parent)
     write_manifest(folder / RECORD, hash_files(folder))
 
