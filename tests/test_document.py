@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from nbformat.v4 import new_output
 from trigpoint_reporting import document, pdf
 from trigpoint_reporting.document import write_report
 from trigpoint_reporting.execution import NotebookError
+from trigpoint_reporting.outline import Section
 
 HOSTILE = '"); import os; <script>alert(1)</script> ${x} {{ 7*7 }} \u202e'
 ARABIC = "برج الساعة"
@@ -105,13 +105,7 @@ def bundle(folder):
 
 
 def section(name, function, *figures, per_reconstruction=False):
-    return SimpleNamespace(
-        id=name,
-        title=name.title(),
-        function=function,
-        per_reconstruction=per_reconstruction,
-        figures=figures,
-    )
+    return Section(name, name.title(), function, per_reconstruction, figures)
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +132,7 @@ def twice(tmp_path_factory, sections):
     """The same report in two folders, the second elsewhere in every sense."""
     pytest.importorskip("weasyprint", reason="WeasyPrint makes the PDF")
     one = bundle(tmp_path_factory.mktemp("one") / "TP-1-r2")
-    assert write_report(one, sections) == ()
+    assert write_report(one, sections=sections) == ()
     other = bundle(tmp_path_factory.mktemp("other") / "مجلد" / "x")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TZ", "Pacific/Kiritimati")
@@ -147,7 +141,7 @@ def twice(tmp_path_factory, sections):
         patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
         patch.setenv("OMP_NUM_THREADS", "1")
         patch.chdir(other)
-        assert write_report(Path(), sections) == ()
+        assert write_report(Path(), sections=sections) == ()
     return one, other
 
 
@@ -225,7 +219,7 @@ def test_without_the_libraries_the_html_is_whole_and_says_what_to_install(
     monkeypatch.setattr(document, "execute", lambda *_: None)
     folder = bundle(tmp_path / "b")
     (folder / "report.pdf").write_text("of an earlier run")
-    (caution,) = write_report(folder, sections)
+    (caution,) = write_report(folder, sections=sections)
     assert caution.code == "pdf_not_made"
     assert "libpango-1.0-0" in caution.message
     assert (folder / "report.html").stat().st_size > 0
@@ -241,7 +235,7 @@ def test_two_pictures_of_one_name_are_refused(tmp_path, sections, monkeypatch):
 
     monkeypatch.setattr(document, "execute", twofold)
     with pytest.raises(NotebookError, match=r"Two pictures are called 'a\.png'"):
-        write_report(bundle(tmp_path / "b"), sections, pdf=None)
+        write_report(bundle(tmp_path / "b"), sections=sections, pdf=None)
 
 
 def test_a_package_that_is_missing_is_named_with_what_to_install():

@@ -37,6 +37,7 @@ Code = Literal[
     "icp_not_retained",
     "icp_not_converged",  # it was still moving when its iterations ran out
     "cross_check_disagrees",
+    "report_not_made",  # what reports need is not installed
     "pdf_not_made",  # the system lacks what the report's PDF needs
 ]
 

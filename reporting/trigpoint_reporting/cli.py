@@ -15,6 +15,7 @@ import trigpoint
 from trigpoint.alignment import align as fit_picks
 from trigpoint.bundle import bundle_folder, fill_bundle
 from trigpoint.canonical import plain, to_json, write_text
+from trigpoint.cautions import Caution
 from trigpoint.comparison import WITHIN_M, measure
 from trigpoint.consensus import Method
 from trigpoint.crs import parse_crs
@@ -263,17 +264,32 @@ def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
             with whole_folder(folder) as draft:
                 fill_bundle(draft, audit, results, say=say)
                 write_record(draft, audit, results)
+                doubts = _report(draft, say)
                 seal(draft)
             archive = pack(folder)
         folders.append(folder)
         done.append({"path": str(folder), "zip": str(archive), "results": results})
         if not as_json:
             people.show_audit(_people(), results, str(folder))
+        people.show_warnings(Console(stderr=True), warning_results(doubts))
     if len(folders) > 1 and len({folder.parent for folder in folders}) == 1:
         write_index(folders[0].parent / "index.html", folders)
     if as_json:
         _print_json({"audits": done})
     return 1 if any(each["results"]["verdict"] == "FAIL" for each in done) else 0
+
+
+def _report(folder: Path, say: people.Say) -> tuple[Caution, ...]:
+    """Write the report into a bundle, as far as what it needs is installed."""
+    try:
+        from trigpoint_reporting.document import write_report
+    except ImportError as error:
+        message = (
+            f"There is no report, only results, tables and clouds: {error.name} is not installed. "
+            'Install what reports need with pip install "trigpoint[reporting]".'
+        )
+        return (Caution("report_not_made", message),)
+    return write_report(folder, say=say)
 
 
 def _number(text: str, option: str) -> float:

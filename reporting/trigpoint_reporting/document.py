@@ -22,7 +22,8 @@ try:
 
     from trigpoint_reporting.execution import NotebookError, execute
     from trigpoint_reporting.export import AuditExporter
-    from trigpoint_reporting.notebook import RESULTS, Section, build_notebook, to_percent
+    from trigpoint_reporting.notebook import RESULTS, build_notebook, to_percent
+    from trigpoint_reporting.outline import SECTIONS, Section
 except ImportError as error:
     _MESSAGE = 'Reports need Jupyter\'s notebooks: pip install "trigpoint[reporting]"'
     raise MissingPackageError(_MESSAGE) from error
@@ -47,9 +48,9 @@ EMBEDDED = (
 
 def write_report(
     folder: Path,
-    sections: Sequence[Section],
     *,
     pdf: Variant | None = "a-3a",
+    sections: Sequence[Section] = SECTIONS,
     say: Say = lambda _: None,
 ) -> tuple[Caution, ...]:
     """Write audit.ipynb, audit.py, figures/, report.html and report.pdf into a bundle.
@@ -61,9 +62,10 @@ def write_report(
     ----------
     folder : Path
         The bundle, as `sealing.write_record` left it.
-    sections : sequence of Section
     pdf : {"a-3a", "a-2a"} or None, optional
         With the notebook, tables and matrices embedded; without; no PDF.
+    sections : sequence of Section, optional
+        What is shown, in order.
     say : callable, optional
         Told each step as it begins.
 
