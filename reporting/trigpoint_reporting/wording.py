@@ -1,8 +1,7 @@
-"""What the report says in sentences that numbers decide: result, verdict, accuracy, plot scale."""
+"""What the report says in sentences that numbers decide: result, verdict, plot scale."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -16,18 +15,9 @@ from trigpoint_reporting.numbers import Numbers, derived, number_text
 
 # Metric surveys are drawn with a line of this width, in millimetres: what is smaller is not drawn.
 LINE_MM = 0.18
-FEWEST_CHECKS = 30
 CONFIDENCE = 0.95
 # The mark at which a share is told where only one can be.
 MARK_M = 0.10
-
-STANDARD = (
-    "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
-)
-WORDING_SOURCE = f"{STANDARD}, section 7.16, as public report tools quote it"
-# The primary text is for the society's members: until someone has compared, this says so.
-WORDING_CHECKED_ON = "not yet compared with the primary text"
-BLANK = "___"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,17 +77,6 @@ def plot_scale(error_m: float) -> int:
 def plot_scale_text(error_m: float | None) -> Value:
     """Print that scale, such as 1:761."""
     return Value(number_text(None) if not error_m else f"1:{plot_scale(error_m)}")
-
-
-def combined(fit: float, survey: float) -> float:
-    """Add the error of what was compared with to the error found against it (ASPRS Ed. 2, 7.11).
-
-    Examples
-    --------
-    >>> round(combined(1.0, 2.0), 2), round(combined(10.0, 2.0), 2)
-    (2.24, 10.2)
-    """
-    return math.hypot(fit, survey)
 
 
 def rmse_interval(rmse_dof_m: float, dof: int) -> tuple[float, float]:
@@ -199,154 +178,6 @@ def quantity_label(quantity: str) -> str:
     return f"{direction.capitalize()}{after}, {place}: {rest}"
 
 
-def asprs_sentence(checks: int, *, class_cm: float | None, tested_cm: float | None) -> str:
-    """Return the standard's own sentence for a 3D product, its numbers filled in.
-
-    Parameters
-    ----------
-    checks : int
-        Independent check points that are at least twice as accurate as the product.
-    class_cm : float or None
-        RMSE of the accuracy class that the project asks for.
-    tested_cm : float or None
-        RMSE found at them, the check points' own error included.
-
-    Returns
-    -------
-    str
-        With thirty check points, tested to meet; with fewer, tested with ONLY so many; without,
-        produced to meet, for which the standard has a horizontal form and none in three dimensions.
-    """
-    asked = BLANK if class_cm is None else number_text(class_cm, 1)
-    found = BLANK if tested_cm is None else number_text(tested_cm, 1)
-    three = (
-        f"{asked}(cm) RMSE_3D Three-Dimensional Positional Accuracy Class. The tested "
-        f"three-dimensional accuracy was found to be RMSE_3D = {found}(cm) within the NVA tested "
-        f"area and RMSE_3D = {BLANK}(cm) within the VVA tested area"
-    )
-    if checks >= FEWEST_CHECKS:
-        return f"This data set was tested to meet {STANDARD} for a {three}."
-    if checks > 0:
-        return (
-            f"This data set was tested as required by {STANDARD}. Although the Standards call for "
-            f"a minimum of thirty ({FEWEST_CHECKS}) checkpoints, this test was performed using "
-            f"ONLY {checks} checkpoints. This data set was produced to meet a {three} using the "
-            "reduced number of checkpoints."
-        )
-    return (
-        f"This data set was produced to meet {STANDARD} for a {asked}(cm) RMSE_H Horizontal "
-        "Positional Accuracy Class."
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class TwiceRule:
-    """Whether the reference is at least twice as accurate as what it judges (ASPRS Ed. 2, 7.12).
-
-    Attributes
-    ----------
-    reference_m : float or None
-        Accuracy of the reference in space, metres; None where the project does not state it.
-    judged_m : float or None
-        What it is compared with, metres.
-    basis : str
-        What that is: the class asked for, or an error found.
-    holds : bool or None
-        None where it can't be told.
-    """
-
-    reference_m: float | None
-    judged_m: float | None
-    basis: str
-    holds: bool | None
-
-
-def twice_rule(evidence: Evidence, name: str) -> TwiceRule:
-    """Compare the reference's stated accuracy with the class asked for, or the error found."""
-    found = Numbers(evidence.results).below("reconstructions", name)
-    axis = evidence.results["project"]["settings"]["reference"]["accuracy_m"]
-    reference = None if axis is None else math.sqrt(3) * axis
-    asked = class_asked(evidence, name)
-    if asked is not None:
-        judged, basis = asked, "the accuracy class asked for"
-    elif found["alignment"] is None:
-        judged, basis = None, ""
-    else:
-        judged, picks = held_out_error(found)
-        basis = f"the error found ({picks})"
-    known = reference is not None and judged is not None
-    return TwiceRule(reference, judged, basis, 2 * reference <= judged if known else None)  # type: ignore[operator]
-
-
-def class_asked(evidence: Evidence, name: str) -> float | None:
-    """Return the 3D accuracy class that a limit on check picks asks for, in metres."""
-    for row in evidence.results["criteria"]:
-        if row["of"] == name and row["quantity"] in ("checks.total_m", "checks.rmse_m"):
-            word, _, bound = row["limit"].partition(" ")
-            if word == "max":
-                return float(bound)
-    return None
-
-
-def accuracy_statement(evidence: Evidence, name: str) -> list[Passage]:
-    """State the accuracy of one reconstruction in the words that its evidence allows."""
-    found = Numbers(evidence.results).below("reconstructions", name)
-    reference = evidence.results["project"]["settings"]["reference"]["name"]
-    passages = []
-    if found["alignment"] is not None:
-        rule, count = twice_rule(evidence, name), found["checks"]["n"]
-        asked, total = class_asked(evidence, name), found["checks"]["total_m"]
-        sentence = asprs_sentence(
-            count if rule.holds else 0,
-            class_cm=None if asked is None else 100 * asked,
-            tested_cm=None if total is None else 100 * total,
-        )
-        passages = [
-            Passage((f"{name}: {sentence}",), "warning"),
-            Passage(tuple(_why(count, rule)), "note"),
-        ]
-    passages.append(
-        Passage(
-            (
-                f"LiDAR-referenced agreement: the distances and errors of {name} are relative to "
-                f"{reference}, errors of that reference are not in them unless a table says so, "
-                "and leave-one-out is internal validation.",
-            ),
-            "note",
-        )
-    )
-    return passages
-
-
-def _why(count: int, rule: TwiceRule) -> Iterator[Cell]:
-    """Explain which of the standard's sentences was taken."""
-    if count == 0:
-        yield (
-            "There are no check picks: the picks that were fitted are not independent, nor is "
-            "leave-one-out, so the standard allows no word of testing. "
-        )
-    elif rule.holds is None:
-        yield (
-            "There are check picks, but the project does not state the reference's accuracy: they "
-            "can't stand for check points, which have to be twice as accurate as what they test. "
-        )
-    elif not rule.holds:
-        yield "There are check picks, but the reference is good to "
-        yield derived(rule.reference_m, 3)
-        yield " m in space, which is not twice as accurate as "
-        yield derived(rule.judged_m, 3)
-        yield f" m, {rule.basis}: they can't stand for check points. "
-    else:
-        yield (
-            "The check picks entered nothing; they were read from the reference, whose stated "
-            "accuracy is part of the number. "
-        )
-    yield (
-        f"{BLANK}: not stated by the project, or not tested. Wording: {WORDING_SOURCE}; "
-        f"checked: {WORDING_CHECKED_ON}."
-    )
-
-
 def _allowing(found: Numbers) -> Iterator[Cell]:
     alignment = found["alignment"]
     if alignment["rmse_dof_m"] is None or alignment["dof"] < 1:
@@ -387,13 +218,12 @@ def _distances(found: Numbers) -> Iterator[Cell]:
     """Tell the two shares at the mark."""
     row = found.below("comparison", "delivered")
     position = mark_of(row["accuracy"]["all"]["within"])
-    yield "Within "
-    yield row.value("accuracy", "all", "within", position, "threshold_m")
-    yield " m of the reference lies "
     yield row.value("accuracy", "all", "within", position, "pct")
-    yield " % of it; within as much of it, "
+    yield " % of it lies within "
+    yield row.value("accuracy", "all", "within", position, "threshold_m")
+    yield " m of the reference, and "
     yield row.value("completeness", "all", "within", position, "pct")
-    yield " % of the reference."
+    yield " % of the reference as near to it."
 
 
 def _frame(evidence: Evidence) -> str:

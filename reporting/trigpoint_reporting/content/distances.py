@@ -89,8 +89,9 @@ def _statistics(evidence: Evidence, name: str, direction: Direction, zones: Numb
         (
             f"Distances {MEANING[direction]}: exact, unsigned, never cut off. RMSE = √(Σd²/n); "
             "NMAD = 1.4826 × the median absolute deviation from the median; P95 by linear "
-            "interpolation. Floor: the RMSE between two random halves of the reference, which no "
-            "reconstruction can be asked to beat.",
+            "interpolation. Floor: the RMSE between two random halves of the reference, thinned "
+            "alike: its own spacing and noise, below which a distance says nothing. Points outside "
+            "the heights belong to the lowest or highest zone.",
         ),
     )
 

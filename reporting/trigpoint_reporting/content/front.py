@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
-from trigpoint_reporting import wording
-from trigpoint_reporting.blocks import Block, Cell, Table, Value
+from trigpoint_reporting import standards, wording
+from trigpoint_reporting.blocks import Block, Cell, Passage, Table, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, declared_digits, number_text
 
@@ -20,23 +21,22 @@ def result(evidence: Evidence) -> list[Block]:
     blocks: list[Block] = [wording.verdict(evidence)]
     blocks += [wording.result(evidence, name) for name in evidence.names]
     blocks += [_title_block(evidence), _criteria(evidence)]
-    scales = list(_plot_scales(evidence))
-    if scales:
-        blocks.append(
-            Table(
-                "Largest plot scale that each error supports",
-                ("Reconstruction", "Error", "3D (m)", "Scale"),
-                scales,
-                (
-                    f"A line of {wording.LINE_MM:g} mm at scale 1:n covers n times as much on the "
-                    "ground; n = error / line width. The error at picks that the fit did not see "
-                    "is the one to plan with.",
-                ),
-            )
-        )
     for name in evidence.names:
-        blocks += wording.accuracy_statement(evidence, name)
-    return blocks
+        blocks += standards.accuracy_statement(evidence, name)
+    blocks += [standards.agreement(evidence), _in_doubt(evidence)]
+    return [*blocks, *_plot_scales(evidence), _check_it(evidence)]
+
+
+def _in_doubt(evidence: Evidence) -> Passage:
+    codes = dict.fromkeys(each["code"] for each in evidence.results["warnings"])
+    told = ", ".join(codes) if codes else "nothing; no warning was raised"
+    return Passage((f"In doubt (section Limitations and warnings): {told}.",), "note")
+
+
+def _check_it(evidence: Evidence) -> Passage:
+    about = evidence.results["project"]
+    bundle = f"{about['id']}-r{about['revision']}.zip"
+    return Passage((f"Check it yourself: trigpoint verify {bundle}, or see Provenance.",), "note")
 
 
 def _title_block(evidence: Evidence) -> Table:
@@ -45,17 +45,16 @@ def _title_block(evidence: Evidence) -> Table:
     reference = about["settings"]["reference"]
     people = ", ".join(filter(None, (about["surveyor"], about["organisation"])))
     captured = f", captured {reference['captured']}" if reference["captured"] else ""
+    vertical = evidence.results["crs"]["vertical_datum"]
     rows: list[tuple[Cell, Cell]] = [
         ("Report", f"{about['id']}, revision {about['revision']}, {about['status']}"),
-        ("Title", about["title"]),
         ("Site", about["site"]),
         ("Client", about["client"]),
         ("Surveyor", people),
         ("Date of report", about["date"] or ""),
-        ("Aligned and measured", ", ".join(evidence.names)),
-        ("Against", f"{reference['name']}{captured}"),
+        ("Measured", f"{', '.join(evidence.names)}, against {reference['name']}{captured}"),
         ("Reference system", numbers.value("crs", "name")),
-        ("Vertical datum", evidence.results["crs"]["vertical_datum"] or ""),
+        ("Vertical datum", vertical or ""),
         (
             "Software",
             f"trigpoint {evidence.results['environment']['trigpoint']} "
@@ -92,14 +91,14 @@ def _judged(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
             row["source"] or NOT_STATED,
             row.value("limit"),
             found,
-            Value(_margin(row["margin"], declared_digits(found.path)), f"{row.path}.margin"),
+            _margin(row, declared_digits(found.path)),
             "✓ met" if row["met"] else "✗ not met",
         )
 
 
 def _reported(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
     """Yield what has no limit, so that no number is silently left out of the judgement."""
-    limited = {(row["of"], row["quantity"]) for row in evidence.results["criteria"]}
+    limited = {(row["of"], _plain(row["quantity"])) for row in evidence.results["criteria"]}
     for name, found in Numbers(evidence.results).items("reconstructions"):
         shares = found["comparison"]["delivered"]["completeness"]["all"]["within"]
         position = wording.mark_of(shares)
@@ -109,10 +108,10 @@ def _reported(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
             quantities = [(each, _stored(found, each)) for each in ALWAYS]
             if found["checks"]["n"]:
                 quantities.append(("checks.rmse_m", found["checks"]["rmse_m"]))
-        share = f"comparison.delivered.completeness.all.within[{threshold:.2f}].pct"
+        share = f"comparison.delivered.completeness.all.within[{threshold!r}].pct"
         quantities.append((share, shares[position]["pct"]))
         for quantity, value in quantities:
-            if (name, quantity) not in limited:
+            if (name, _plain(quantity)) not in limited:
                 shown = _found(name, quantity, value)
                 label = wording.quantity_label(quantity)
                 yield (label, name, NONE, NONE, shown, NONE, "reported, no limit set")
@@ -129,14 +128,35 @@ def _found(name: str, quantity: str, value: float | None) -> Value:
     return Value(number_text(value, declared_digits(path)), path)
 
 
-def _margin(margin: float | None, digits: int | None) -> str:
+def _plain(quantity: str) -> str:
+    """Write thresholds the same way, whoever typed them."""
+    return re.sub(r"\[([\d.]+)\]", lambda found: f"[{float(found[1])!r}]", quantity)
+
+
+def _margin(row: Numbers, declared: int | None) -> Value:
+    margin, digits = row["margin"], declared
     # A limit that is missed by less than the last digit must not read as missed by nothing.
     while digits is not None and margin and not round(margin, digits):
         digits += 1
-    return number_text(margin, digits)
+    return Value(number_text(margin, digits), f"{row.path}.margin" if digits == declared else "")
 
 
-def _plot_scales(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
+def _plot_scales(evidence: Evidence) -> Iterator[Table]:
+    rows = list(_scales(evidence))
+    if rows:
+        yield Table(
+            "Largest plot scale that each error supports",
+            ("Reconstruction", "Error", "3D (m)", "Scale"),
+            rows,
+            (
+                f"A line of {wording.LINE_MM:g} mm at scale 1:n covers n times as much on the "
+                "ground; n = error / line width. The error at picks that the fit did not see is "
+                "the one to plan with.",
+            ),
+        )
+
+
+def _scales(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
     for name, found in Numbers(evidence.results).items("reconstructions"):
         if found["alignment"] is None:
             continue

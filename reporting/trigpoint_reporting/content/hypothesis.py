@@ -24,10 +24,10 @@ def icp(evidence: Evidence, name: str) -> list[Block]:
     found = Numbers(evidence.results).below("reconstructions", name)
     if found["icp"] is None:
         return [Passage(("The project asked for no ICP.",), "note")]
-    trial = found.below("icp")
+    trial, picked = found.below("icp"), found["alignment"] is not None
     return [
         Passage((f"Rule, set before the numbers: {trial['rule']}",)),
-        Passage((CANNOT_FALL,)),
+        *([Passage((CANNOT_FALL,))] if picked else []),
         Table(
             f"{name}: errors without and with ICP",
             ("Error", "Without", "With", "Change", "Decides"),
@@ -39,7 +39,7 @@ def icp(evidence: Evidence, name: str) -> list[Block]:
                     derived(_change(trial, key), 3),
                     decides,
                 )
-                for label, key, decides in ERRORS
+                for label, key, decides in (ERRORS if picked else ERRORS[:1])
             ],
             (
                 "Rigid and centred; rotation ",

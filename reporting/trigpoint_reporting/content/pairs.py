@@ -29,7 +29,7 @@ def _pairs(evidence: Evidence) -> Iterator[Block]:
     for stage, told in STAGES.items():
         for pair in Numbers(evidence.results).rows("paired", stage):
             one, other = pair["names"]
-            yield Passage((f"{told.capitalize()}: {pair['statement']}",))
+            yield Passage((f"{told[0].upper()}{told[1:]}: {pair['statement']}",))
             yield Table(
                 f"{one} less {other}: completeness, {told}",
                 (

@@ -26,8 +26,9 @@ def picks(evidence: Evidence, name: str) -> list[Block]:
     found = Numbers(evidence.results).below("reconstructions", name)
     if found["alignment"] is None:
         return [no_picks(name)]
-    rows, left = worst(found.rows("alignment", "residuals"))
-    used = [row.stored for row in found.rows("alignment", "residuals") if row["used"]]
+    residuals = found.below("alignment", "residuals")
+    rows, left = worst(residuals)
+    used = [row for row in residuals.stored if row["used"]]
     table = Table(
         f"{name}: residuals at the control picks",
         ("Pick", "Use", *COLUMNS),
@@ -51,15 +52,15 @@ def no_picks(name: str) -> Passage:
     return Passage((f"{name} came georeferenced: it has no picks and no similarity.",), "note")
 
 
-def worst(rows: Sequence[Numbers]) -> tuple[list[Numbers], str]:
-    """Return rows that a table can print, those of the largest errors, and a note on the rest."""
-    if len(rows) <= MOST:
-        return list(rows), ""
-    sizes = [math.inf if row["d_m"] is None else row["d_m"] for row in rows]
-    chosen = sorted(np.argsort(-np.array(sizes), kind="stable")[:MOST].tolist())
-    return [rows[k] for k in chosen], (
-        f" Printed are the {MOST} largest of {number_text(len(rows))}; all are in data/."
-    )
+def worst(part: Numbers, key: str = "d_m") -> tuple[list[Numbers], str]:
+    """Return the rows that a table can print, the largest by a key, and a note on the rest."""
+    count = len(part.stored)
+    chosen, left = list(range(count)), ""
+    if count > MOST:
+        sizes = [math.inf if row[key] is None else abs(row[key]) for row in part.stored]
+        chosen = sorted(np.argsort(-np.array(sizes), kind="stable")[:MOST].tolist())
+        left = f" Printed are the {MOST} largest of {number_text(count)}; all are in data/."
+    return [part.below(position) for position in chosen], left
 
 
 def errors(row: Numbers) -> tuple[Value, ...]:

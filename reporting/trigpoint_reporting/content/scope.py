@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trigpoint_reporting import wording
+from trigpoint_reporting import standards
 from trigpoint_reporting.blocks import Block, Cell, Passage, Table
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived
@@ -63,7 +63,7 @@ def _reference_rule(evidence: Evidence) -> Table:
     reference = numbers.below("project", "settings", "reference")
     rows: list[tuple[Cell, ...]] = []
     for name in evidence.names:
-        rule = wording.twice_rule(evidence, name)
+        rule = standards.twice_rule(evidence, name)
         ratio = rule.judged_m / rule.reference_m if rule.judged_m and rule.reference_m else None
         rows.append(
             (

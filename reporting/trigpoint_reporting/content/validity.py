@@ -29,8 +29,8 @@ def validation(evidence: Evidence, name: str) -> list[Block]:
 
 def _leave_one_out(found: Numbers, name: str) -> Iterator[Block]:
     loocv = found.below("loocv")
-    rows, left = worst(loocv.rows("folds"))
-    changes = any(row["inliers_changed"] for row in loocv.rows("folds"))
+    rows, left = worst(loocv.below("folds"))
+    changes = any(row["inliers_changed"] for row in loocv["folds"])
     how = (
         "By the closed form (residual over redundancy), one fit for all."
         if loocv["closed_form"]
@@ -90,7 +90,7 @@ def _checks(evidence: Evidence, found: Numbers, name: str) -> Iterator[Block]:
     if not checks["n"]:
         yield Passage(("There are no check picks.",), "note")
         return
-    rows, left = worst(checks.rows("residuals"))
+    rows, left = worst(checks.below("residuals"))
     reference = Numbers(evidence.results).below("project", "settings", "reference")
     stated: tuple[Cell, ...] = ("The reference's accuracy is not stated, so it is in no number.",)
     if reference["accuracy_m"] is not None:
@@ -125,7 +125,7 @@ def _interval(found: Numbers) -> Iterator[Cell]:
         yield "Too few picks to say how well the error itself is known."
         return
     low, high = wording.rmse_interval(alignment["rmse_dof_m"], alignment["dof"])
-    yield "So few picks know their error poorly: by "
+    yield "So few picks know their error poorly: allowing for "
     yield found.value("alignment", "dof")
     yield " degrees of freedom it is "
     yield found.value("alignment", "rmse_dof_m")

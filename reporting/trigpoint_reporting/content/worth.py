@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from trigpoint_reporting.blocks import Block, Cell, Passage, Table
-from trigpoint_reporting.content.residuals import MOST, no_picks
+from trigpoint_reporting.content.residuals import no_picks, worst
 from trigpoint_reporting.evidence import Evidence
-from trigpoint_reporting.numbers import Numbers, derived, number_text
+from trigpoint_reporting.numbers import Numbers, derived
 
 PARAMETERS = (
     "Scale (%)",
@@ -36,7 +36,7 @@ def reliability(evidence: Evidence, name: str) -> list[Block]:
     worth = found.below("reliability")
     blocks: list[Block] = [
         Passage(
-            (f"Geometry of the picks: {worth['geometry']}. {worth['statement']}",),
+            (f"Geometry of the picks. {worth['statement']}",),
             "plain" if worth["geometry"] == "sound" else "warning",
         )
     ]
@@ -84,9 +84,11 @@ def _covariance(name: str, worth: Numbers) -> Iterator[Block]:
 
 
 def _picks(name: str, found: Numbers) -> Table:
-    rows = found.rows("reliability", "picks")
-    count = len(rows)
-    left = "" if count <= MOST else f" The first {MOST} of {number_text(count)}."
+    picks = found.below("reliability", "picks")
+    rows, left = worst(picks, "standardised")
+    count = len(picks.stored)
+    if any(row["detectable_blunder_m"] is None for row in rows):
+        left += " Not available: no error of that pick, however large, would show."
     return Table(
         f"{name}: what would show if a pick were wrong",
         ("Pick", "Redundancy", "Standardised", "p", "Suspected", "Detectable blunder (m)"),
@@ -99,7 +101,7 @@ def _picks(name: str, found: Numbers) -> Table:
                 SUSPECTED[row["suspected"]],
                 row.value("detectable_blunder_m"),
             )
-            for row in rows[:MOST]
+            for row in rows
         ],
         (
             "Redundancy: how much of a pick's own error shows in its residual, 0 to 3; all "
