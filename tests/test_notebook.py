@@ -1,6 +1,5 @@
 import ast
 import json
-from types import SimpleNamespace
 
 import nbformat
 import pytest
@@ -9,6 +8,7 @@ from trigpoint_reporting import recount
 from trigpoint_reporting.blocks import Passage, Table, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.notebook import build_notebook, to_percent
+from trigpoint_reporting.outline import Section
 from trigpoint_reporting.viewer import viewer_html
 
 HOSTILE = '"); import os; os.system("x")  #<script>\n%%bash'
@@ -32,13 +32,7 @@ def vectors(_evidence, _name):
 
 
 def section(name, function, *figures, per_reconstruction=False):
-    return SimpleNamespace(
-        id=name,
-        title=name.title(),
-        function=function,
-        per_reconstruction=per_reconstruction,
-        figures=figures,
-    )
+    return Section(name, name.title(), function, per_reconstruction, figures)
 
 
 SECTIONS = (section("result", result), section("picks", picks, vectors, per_reconstruction=True))
@@ -92,6 +86,15 @@ def test_a_cell_shows_one_table_with_the_text_before_it(notebook):
     assert found["picks-0-figure-0"] == f"show({module}.vectors(evidence, name))"
     assert found["result-blocks-0"] == f"blocks = {module}.result(evidence)\nshow(blocks[0])"
     assert "picks-1-blocks-0" not in found
+
+
+def test_figures_are_left_out_where_there_is_no_table_and_a_section_where_there_is_nothing(
+    evidence, notebook
+):
+    assert "picks-1-figure-0" not in sources(notebook)
+    assert "picks-1" in sources(notebook)
+    empty = build_notebook(evidence, HASH, (section("paired", lambda _: []),))
+    assert "paired" not in sources(empty)
 
 
 def test_what_compares_all_stands_before_what_is_about_each_and_the_viewer_is_embedded(evidence):

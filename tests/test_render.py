@@ -113,6 +113,12 @@ def test_a_long_word_in_a_table_may_be_broken_and_keeps_its_letters():
     assert digest in found.text
 
 
+def test_a_long_word_is_broken_at_its_joints():
+    html = to_html(table([("vertical_datum_unknown", "x")]))
+    assert "vertical_<wbr>datum_<wbr>unknown" in html
+    assert "north-west-cornice" in to_html(table([("north-west-cornice", "x")]))
+
+
 def test_an_escaped_character_is_never_broken():
     html = to_html(table([("&" * 64, "x")]))
     assert "&" * 64 in Tags(html).text

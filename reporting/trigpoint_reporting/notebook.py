@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import nbformat
 from nbformat import NotebookNode
 
 import trigpoint
 from trigpoint_reporting import recount
-from trigpoint_reporting.blocks import Block, Passage
+from trigpoint_reporting.blocks import Block, Passage, Table
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.outline import Section
 from trigpoint_reporting.render import printable
 from trigpoint_reporting.viewer import viewer_html
 
@@ -37,16 +38,6 @@ if sha256(Path(bundle) / "{results}") != results_sha256:
     raise SystemExit("{results} is not the file that this notebook was made from")
 evidence = open_evidence(bundle)
 """
-
-
-class Section(Protocol):
-    """What the notebook asks of a section of the outline."""
-
-    id: str
-    title: str
-    function: Callable[..., list[Block]]
-    per_reconstruction: bool
-    figures: Sequence[Figure]
 
 
 def build_notebook(
@@ -81,31 +72,40 @@ def to_percent(notebook: NotebookNode) -> str:
 
 
 def _section(evidence: Evidence, section: Section) -> Iterator[Cell]:
-    yield _titled(section.id, section.title)
+    cells = list(_shown(evidence, section))
+    if cells:  # a section may have nothing to say, such as of pairs where there is one cloud
+        yield _titled(section.id, section.title)
+        yield from cells
+
+
+def _shown(evidence: Evidence, section: Section) -> Iterator[Cell]:
     shared = [figure for figure in section.figures if not _takes_a_name(figure)]
     own = [figure for figure in section.figures if _takes_a_name(figure)]
+    source = _callable(section.function)
     if not section.per_reconstruction:
-        yield from _tables(section, section.id, evidence, None)
+        yield from _tables(section.function(evidence), f"{source}(evidence)", section.id)
     # What compares all reconstructions stands before what is about each.
     yield from _figures(shared, section.id, "evidence")
     if not (section.per_reconstruction or own):
         return
     for position, name in enumerate(evidence.names):
         start = f"{section.id}-{position}"
-        source = f"name = evidence.names[{position}]\nheading(name)"
-        yield _code(start, source, "heading")
+        chosen = f"name = evidence.names[{position}]\nheading(name)"
+        yield _code(start, chosen, "heading")
+        drawn = True
         if section.per_reconstruction:
-            yield from _tables(section, start, evidence, name)
-        yield from _figures(own, start, "evidence, name")
+            blocks = section.function(evidence, name)
+            yield from _tables(blocks, f"{source}(evidence, name)", start)
+            # Where words say why there is no table, a figure would say it again.
+            drawn = any(isinstance(block, Table) for block in blocks)
+        if drawn:
+            yield from _figures(own, start, "evidence, name")
 
 
-def _tables(section: Section, start: str, evidence: Evidence, name: str | None) -> Iterator[Cell]:
+def _tables(blocks: Sequence[Block], source: str, start: str) -> Iterator[Cell]:
     """Yield a cell for each table, with the text before it."""
-    function = section.function
-    arguments = "evidence" if name is None else "evidence, name"
-    blocks = function(evidence) if name is None else function(evidence, name)
     for number, (first, last) in enumerate(_groups(blocks)):
-        lines = [] if number else [f"blocks = {_callable(function)}({arguments})"]
+        lines = [] if number else [f"blocks = {source}"]
         several = f"*blocks[{first}:{last}]"
         lines.append(f"show({several if last - first > 1 else f'blocks[{first}]'})")
         yield _code(f"{start}-blocks-{number}", "\n".join(lines), "table")

@@ -13,7 +13,7 @@ from trigpoint_reporting.blocks import Block, Cell, Passage, Picture, Table, Val
 
 TYPES = {"svg": "image/svg+xml", "png": "image/png"}
 # Tables up to so many rows stay on one page; wider ones than so many columns are set smaller.
-SHORT_ROWS = 18
+SHORT_ROWS = 10
 WIDE_COLUMNS = 7
 # Characters that no document may hold, and those that turn the direction of what follows them.
 UNPRINTABLE = re.compile(
@@ -24,9 +24,12 @@ NUMERIC = re.compile(
     r"[<>≤≥≈±+\u2212-]?\s?\d[\d\s,.\u202f\u2009%:+\u2212\u2013-]*(\s?(m|mm|%|°))?",
 )
 MISSING = frozenset({"", "\u2013", "\u2014", "-", "not available", "not computed"})
-# A word longer than this is given places to break; an escaped character counts as one.
+# A word longer than this is given places to break: after its own joints, else every so often. An
+# escaped character counts as one.
 LONG_WORD = 20
-LONG = re.compile(r"((?:&[#\w]+;|[^\s&]){16})(?=[^\s]{4})")
+WORD = re.compile(rf"(?:&[#\w]+;|[^\s&]){{{LONG_WORD + 1},}}")
+JOINT = re.compile(r"([_/\\.-])(?=[^<>]{4})")
+PIECE = re.compile(r"((?:&[#\w]+;|[^&<>]){16})(?=[^<>]{4})")
 # Pixels per metre, across and down.
 DENSITY = struct.Struct(">II")
 
@@ -177,11 +180,13 @@ def _is_numeric(column: Sequence[str]) -> bool:
 
 
 def _entry(cell: Cell) -> str:
-    """Return a table's cell; a long word, such as a hash, may be broken anywhere."""
-    html = _cell(cell)
-    if len(cell if isinstance(cell, str) else cell.text) <= LONG_WORD:
-        return html
-    return LONG.sub(r"\1<wbr>", html) if isinstance(cell, str) else html
+    """Return a table's cell, in which a long word, such as a hash, may be broken."""
+    return WORD.sub(_breakable, _cell(cell)) if isinstance(cell, str) else _cell(cell)
+
+
+def _breakable(word: re.Match[str]) -> str:
+    pieces = JOINT.sub(r"\1<wbr>", word[0]).split("<wbr>")
+    return "<wbr>".join(PIECE.sub(r"\1<wbr>", piece) for piece in pieces)
 
 
 def _cells(parts: Sequence[Cell]) -> str:
