@@ -120,9 +120,11 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
             axes.set_xlabel(f"distance {AWAY[direction]}, metres")
         figure.supylabel(f"% {TOLD[direction]}", fontsize=8)
         handles: list[Any] = [_handle(styles[name], shown[name]) for name in names]
-        handles.append(Line2D([], [], color=BLACK, linewidth=0.7, label=metres(_mark(evidence), 2)))
+        handles.append(
+            Line2D([], [], color=BLACK, linewidth=0.7, label=metres(_mark(evidence), None))
+        )
         if voxel:
-            handles.append(Patch(color="#EEEEEE", label=f"below the voxel, {metres(voxel, 2)}"))
+            handles.append(Patch(color="#EEEEEE", label=f"below the voxel, {metres(voxel, None)}"))
         handles.append(
             Line2D([], [], color=GREY, linestyle="dotted", label="floor of the reference (RMSE)")
         )
@@ -131,7 +133,11 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
     caption = (
         f"{direction.capitalize()}: share {TOLD[direction]} within each distance, as "
         "delivered, after thinning."
-        + (f" Grey: below the voxel size of {metres(voxel, 2)}, not resolvable." if voxel else "")
+        + (
+            f" Grey: below the voxel size of {metres(voxel, None)}, not resolvable."
+            if voxel
+            else ""
+        )
         + " Dotted: what the reference scores against itself, half against half."
     )
     return Picture(
@@ -163,7 +169,7 @@ def _by_zone(evidence: Evidence, direction: Direction) -> Picture | Passage:
                 axes.plot(share, at, line.marker, color=line.color, markersize=3.8, clip_on=False)
                 for value, left, right, y in zip(share, low, high, at, strict=True):
                     _beside(axes, value, np.fmin(value, left), np.fmax(value, right), y)
-            axes.set_title(f"within {metres(threshold, 2)}")
+            axes.set_title(f"within {metres(threshold, None)}")
             axes.set_xlabel("% of the cloud" if direction == "accuracy" else "% of the reference")
             axes.set_xlim(0, 100)
             axes.grid(True, axis="x")
@@ -221,7 +227,7 @@ def _finding(evidence: Evidence, rows: Mapping[str, Any], direction: Direction) 
             f"{percent(share['all'])} for {name}"
             + (f" (least in the {worst} zone, {percent(parts[worst])})" if worst else "")
         )
-    return f"Within {metres(mark, 2)} lie, {TOLD[direction]}, {listed(told)}."
+    return f"Within {metres(mark, None)} lie, {TOLD[direction]}, {listed(told)}."
 
 
 def _beside(axes: Axes, value: float, left: float, right: float, at: float) -> None:
@@ -241,7 +247,7 @@ def _beside(axes: Axes, value: float, left: float, right: float, at: float) -> N
 def _count(rows: Mapping[str, Any], zone: str) -> str:
     counts = [f"{each[zone]['n']:,}" for each in rows.values()]
     # The reference is the same for all of them.
-    return f"n = {counts[0] if len(set(counts)) == 1 else '; '.join(counts)}".replace(",", "\u2009")
+    return f"n = {counts[0] if len(set(counts)) == 1 else '; '.join(counts)}"
 
 
 def _handle(line: Any, label: str, *, joined: bool = True) -> Line2D:

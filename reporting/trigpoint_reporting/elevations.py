@@ -88,9 +88,10 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     legend = _distance_legend(f": {percent(beyond)}")
     content = draw(panels, plan, pictures, legend, zones=site.zones)
     shown = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]
+    mark, limit = metres(site.mark, None), metres(LIMIT_M, None)
     alt = (
-        f"{_within(shown['all'], site.mark)} of {name}'s points lie within {metres(site.mark, 2)} "
-        f"of the reference and {percent(beyond)} beyond {metres(LIMIT_M, 2)}{_worst_zone(shown)}."
+        f"{_within(shown['all'], site.mark)} of {name}'s points lie within {mark} of the reference "
+        f"and {percent(beyond)} beyond {limit}{_worst_zone(shown)}."
     )
     caption = (
         f"{name} from four sides, orthographic and to scale, coloured by distance to the "
@@ -115,7 +116,7 @@ def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     ]
     plan = lay_out(panels, tallest=HALF)
     pictures = [site.picture(reference, side, plan, colours) for side in sides]
-    mark, limit = metres(site.mark, 2), metres(LIMIT_M, 2)
+    mark, limit = metres(site.mark, None), metres(LIMIT_M, None)
     covered = 100 * float((distances <= site.mark).mean())
     missing = 100 * float(far.mean())
     legend = Legend(
@@ -184,8 +185,8 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     site = _site(evidence, evidence.names[0])
     told = [
         (
-            f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, 2)}",
-            f"{percent(_beyond(cloud))} beyond {metres(LIMIT_M, 2)}",
+            f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, None)}",
+            f"{percent(_beyond(cloud))} beyond {metres(LIMIT_M, None)}",
         )
         for name, cloud in drawn.items()
     ]
@@ -298,7 +299,7 @@ def _distance_legend(share: str = "") -> Legend:
         "Distance to the reference, metres",
         bands(),
         edges,
-        ((BEYOND, f"beyond {metres(LIMIT_M, 2)}{share}"),),
+        ((BEYOND, f"beyond {metres(LIMIT_M, None)}{share}"),),
     )
 
 
@@ -341,8 +342,8 @@ def _worst_zone(rows: dict[str, Any]) -> str:
 def _how(count: int | None, plan: Plan, site: _Site, *, thinned: bool = True) -> str:
     drawn = "" if count is None else f"{count:,} points"
     if thinned and site.voxel:
-        drawn += f"{', ' if drawn else 'Points '}thinned to {metres(site.voxel, 2)}, each drawn "
-        drawn += f"{metres(max(POINT * site.voxel, plan.pixel), 2)} wide"
+        drawn += f"{', ' if drawn else 'Points '}thinned to {metres(site.voxel, None)}, each drawn "
+        drawn += f"{metres(max(POINT * site.voxel, plan.pixel))} wide"
     drawn = drawn and f"{drawn}; "
     return (
         f"{drawn}{plan.pixel:g} m a pixel, 1:{plan.scale:g} at its stated size; heights in "

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import number_text
 from trigpoint_reporting.style import (
     BLACK,
     BLUE,
@@ -90,9 +91,10 @@ def scale_sensitivity(evidence: Evidence, name: str) -> Drawing:
         interval = ""
         if low is not None:
             ends = [100 * (value / scale - 1) for value in (low, high)]
+            first, last = number_text(low, 6), number_text(high, 6)
             interval = (
-                f" The 95 % interval of the scale, {low:.4f} to {high:.4f}, is "
-                f"{_signed(ends[0])} to {_signed(ends[1])} %."
+                f" The 95 % interval of the scale, {first} to {last}, is {_signed(ends[0])} to "
+                f"{_signed(ends[1])} %."
             )
             if max(map(abs, ends)) <= 1.15 * reach:
                 axes.axvspan(*ends, color="#EFEFEF", zorder=0, label="95 % interval of the scale")
@@ -108,7 +110,7 @@ def scale_sensitivity(evidence: Evidence, name: str) -> Drawing:
                 ha="left" if value >= 0 else "right",
                 fontsize=7,
             )
-        rule(axes, 0.0, f"all picks: {scale:.4f}", linestyle="solid")
+        rule(axes, 0.0, f"all picks: {number_text(scale, 6)}", linestyle="solid")
         if limit is not None:
             rule(axes, limit, f"limit ±{limit:g} %", color=VERMILLION)
             axes.axvline(-limit, color=VERMILLION, linestyle="dashed", linewidth=1.0)
@@ -280,8 +282,8 @@ def icp_before_after(evidence: Evidence, name: str) -> Drawing:
     verdict = {True: "retained", False: "not retained", None: "not judged"}[icp["retained"]]
     alt = f"ICP is {verdict}: the RMSE {listed(moves)}."
     caption = (
-        f"{name}: ICP as a hypothesis, {verdict}. It cannot lower the fit's own control RMSE, and "
-        "it minimises the surface's: only what is held out decides."
+        f"{name}: ICP as a hypothesis, {verdict}. It minimises the surface's RMSE, and the fit has "
+        "minimised the control picks': only what is held out decides."
     )
     return Picture(f"icp-{name}", caption, alt, content, "svg")
 
@@ -342,7 +344,8 @@ def _limit(evidence: Evidence, name: str, quantity: str) -> float | None:
 
 
 def _signed(value: float) -> str:
-    return f"{round(value, 3) + 0.0:+.3f}".replace("-", "\N{MINUS SIGN}")
+    text = number_text(value, 3)
+    return text if value < 0 else f"+{text}"
 
 
 def _count(found: dict[str, Any]) -> int:

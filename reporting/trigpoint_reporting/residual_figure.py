@@ -120,12 +120,14 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
     used = table[table["kind"] == "used"]
     worst = used.sort_values("d_m", kind="stable").iloc[-1]
     rejected = int((table["kind"] == "rejected").sum())
+    checks = found["checks"]
+    checked = f"The {checks['n']} check picks keep {metres(checks['rmse_m'])} RMSE."
+    checked = checked if checks["n"] else "There are no check picks."
     alt = (
         f"The {len(used)} picks used keep residuals of up to {metres(worst['d_m'])} "
         f"({worst['label']}), {metres(found['alignment']['rmse_m'])} RMSE; "
         + (f"{rejected} rejected. " if rejected else "none was rejected. ")
-        + f"Their mean is {', '.join(metres(v) for v in found['alignment']['mean_m'])} in east, "
-        "north and height."
+        + checked
     )
     caption = (
         f"{name}: residuals (reference \N{MINUS SIGN} transformed), drawn {factor:g} times their "

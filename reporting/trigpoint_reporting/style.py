@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 from trigpoint.errors import MissingPackageError
 from trigpoint_reporting.blocks import Passage
+from trigpoint_reporting.numbers import NOT_AVAILABLE, number_text
 
 try:
     import matplotlib as mpl
@@ -130,20 +131,19 @@ def _drawable(letter: str) -> bool:
     return letter.isprintable() and font.get_char_index(ord(letter)) != 0
 
 
-def metres(value: float | None, digits: int = 3) -> str:
-    """Write a length in metres; a missing one is not available."""
-    return _number(value, digits, " m")
+def metres(value: float | None, digits: int | None = 3) -> str:
+    """Write a length in metres as the tables do; a missing one is not available."""
+    return _with_unit(value, digits, " m")
 
 
 def percent(value: float | None, digits: int = 1) -> str:
-    """Write a share in per cent; a missing one is not available."""
-    return _number(value, digits, " %")
+    """Write a share in per cent as the tables do; a missing one is not available."""
+    return _with_unit(value, digits, " %")
 
 
-def _number(value: float | None, digits: int, unit: str) -> str:
-    if value is None:
-        return "not available"
-    return f"{round(value, digits) + 0.0:.{digits}f}{unit}".replace("-", "\N{MINUS SIGN}")
+def _with_unit(value: float | None, digits: int | None, unit: str) -> str:
+    text = number_text(value, digits)
+    return text if text == NOT_AVAILABLE else text + unit
 
 
 def listed(words: Sequence[str]) -> str:

@@ -150,14 +150,14 @@ def _finding(evidence: Evidence) -> str:
             (each for each in found["accuracy"]["all"]["within"] if each["threshold_m"] >= 0.1),
             found["accuracy"]["all"]["within"][-1],
         )
-        told.append(f"{percent(near['pct'])} of {name} within {metres(near['threshold_m'], 2)}")
+        told.append(f"{percent(near['pct'])} of {name} within {metres(near['threshold_m'], None)}")
     return f"{listed(told)} of the reference."
 
 
 def _legend() -> list[dict[str, Any]]:
     """Name every colour of the table."""
     names = [f"{BAND_M * k:.2f}\N{EN DASH}{BAND_M * (k + 1):.2f} m" for k in range(len(bands()))]
-    names += [f"beyond {metres(LIMIT_M, 2)}", "no counterpart"]
+    names += [f"beyond {metres(LIMIT_M, None)}", "no counterpart"]
     return [
         {"colour": "#{:02x}{:02x}{:02x}".format(*colour), "name": name}
         for colour, name in zip(colour_table().tolist(), names, strict=True)

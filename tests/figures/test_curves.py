@@ -74,7 +74,7 @@ def test_intervals_are_drawn_where_there_are_any(changed):
 
 
 def test_trap_11_the_voxel_band_is_shown_and_said(evidence, changed):
-    assert "below the voxel size of 0.20 m, not resolvable" in accuracy_curves(evidence).caption
+    assert "below the voxel size of 0.2 m, not resolvable" in accuracy_curves(evidence).caption
 
     def unthinned(results):
         results["project"]["settings"]["comparison"]["voxel_m"] = 0
@@ -90,4 +90,4 @@ def test_another_set_of_thresholds_moves_the_mark(changed):
                 for each, threshold in zip(row["within"], (0.2, 0.3, 0.4), strict=True):
                     each["threshold_m"] = threshold
 
-    assert completeness_curves(changed(coarse)).alt.startswith("Within 0.30 m lie")
+    assert completeness_curves(changed(coarse)).alt.startswith("Within 0.3 m lie")

@@ -102,7 +102,7 @@ def test_trap_15_every_colour_on_the_sheet_is_one_of_the_legend(evidence):
 def test_the_share_out_of_range_is_that_of_the_points(evidence):
     distances = evidence.distances("nerf")["delivered_accuracy_m"]
     share = 100 * (distances > LIMIT_M).mean()
-    assert f"{share:.1f} % beyond 0.50 m" in distance_elevations(evidence, "nerf").alt
+    assert f"{share:.1f} % beyond 0.5 m" in distance_elevations(evidence, "nerf").alt
 
 
 def with_cloud(evidence, folder, name, cloud):
