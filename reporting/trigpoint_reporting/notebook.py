@@ -23,7 +23,7 @@ from trigpoint_reporting.viewer import viewer_html
 
 Cell = dict[str, Any]
 # Of the evidence, and of a reconstruction's name where it is about one; the viewer is HTML.
-Figure = Callable[..., Block] | Callable[[Evidence], str]
+Figure = Callable[..., Block | str]
 
 RESULTS = "data/results.json"
 SETUP = """\

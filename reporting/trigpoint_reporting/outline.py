@@ -26,6 +26,7 @@ from trigpoint_reporting.content.views import elevations
 from trigpoint_reporting.content.worth import reliability
 from trigpoint_reporting.perspective import perspective_views
 from trigpoint_reporting.residual_figure import residual_vectors
+from trigpoint_reporting.viewer import viewer_html
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +42,15 @@ class Section:
         From the evidence, and a reconstruction's name where the section is about each, to blocks.
     per_reconstruction : bool
     figures : tuple of callable
-        From the evidence, or the evidence and a name, to a picture or a passage in its place.
+        From the evidence, or the evidence and a name, to a picture or a passage in its place; the
+        viewer is HTML.
     """
 
     id: str
     title: str
     function: Callable[..., list[Block]]
     per_reconstruction: bool = False
-    figures: tuple[Callable[..., Picture | Passage], ...] = ()
+    figures: tuple[Callable[..., Picture | Passage | str], ...] = ()
 
 
 SECTIONS = (
@@ -96,6 +98,7 @@ SECTIONS = (
         (
             drawn.readme_picture,
             perspective_views,
+            viewer_html,
             drawn.distance_elevations,
             drawn.missing_elevations,
             drawn.colour_elevations,
