@@ -184,7 +184,7 @@ def to_png(pixels: Colours) -> bytes:
         image = Image.fromarray(pixels)
     else:
         table[colours] = np.arange(len(colours))
-        image = Image.fromarray(table[codes], mode="P")
+        image = Image.fromarray(table[codes])
         palette = np.stack([colours >> 16, colours >> 8 & 255, colours & 255], axis=1)
         image.putpalette(palette.astype(np.uint8).tobytes())
     stream = io.BytesIO()
