@@ -339,3 +339,11 @@ def test_refitting_one_set_alone_is_the_textbook_search(monkeypatch):
     monkeypatch.setattr(module, "REFITTED", 1)
     source, target, sound = scene(5)
     assert_array_equal(ransac(source, target).inliers, sound)
+
+
+def test_a_blunder_of_a_lost_decimal_point_is_rejected_and_not_called_a_line(similarity_from):
+    source = np.random.default_rng(3).normal(scale=20, size=(8, 3))
+    target = similarity_from(3, np.array([741_000.0, 4_279_000.0, 150.0]))(source)
+    target[2, 0] *= 100
+    for found in (ransac(source, target), exhaustive(source, target)):
+        assert np.flatnonzero(~found.inliers).tolist() == [2]

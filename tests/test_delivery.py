@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from trigpoint.delivery import sha256, whole_folder, write_csv
+from trigpoint.errors import ProjectError
 
 
 def contents(folder):
@@ -60,6 +61,17 @@ def test_a_kill_between_the_two_renames_is_undone(tmp_path):
     (tmp_path / ".r1.previous" / "a.txt").write_text("first")
     with pytest.raises(ValueError, match="no"), whole_folder(tmp_path / "r1"):
         raise ValueError("no")
+    assert contents(tmp_path) == {"r1/a.txt": "first"}
+
+
+def test_two_runs_do_not_write_one_folder_at_once(tmp_path):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+        with (
+            pytest.raises(ProjectError, match=r"Another run is writing .*r1 now"),
+            whole_folder(tmp_path / "r1"),
+        ):
+            pass
     assert contents(tmp_path) == {"r1/a.txt": "first"}
 
 

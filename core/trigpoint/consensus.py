@@ -135,7 +135,7 @@ def ransac(
     [True, True, True, True, False]
     """
     source, target, weights = check_pairs(source, target, weights)
-    refuse_lines(source, target)
+    _refuse_few(source, target)
     if trials < 1:
         message = f"trials is {trials}; it must be at least 1."
         raise SettingError(message)
@@ -180,7 +180,7 @@ def exhaustive(
     ransac : The same, from random sets.
     """
     source, target, weights = check_pairs(source, target, weights)
-    refuse_lines(source, target)
+    _refuse_few(source, target)
     sets = comb(len(source), 3)
     if sets > MOST_SETS:
         message = (
@@ -216,6 +216,13 @@ def no_consensus(
     return Consensus(fit, np.ones(len(source), np.bool_), "all")
 
 
+def _refuse_few(source: Points, target: Points) -> None:
+    # Whether all lie on a line is asked of the sets of three: one gross blunder stretches the whole
+    # set so far that the others would look like one place.
+    if len(source) < 3:
+        refuse_lines(source, target)
+
+
 def _search(
     source: Points,
     target: Points,
@@ -238,6 +245,7 @@ def _search(
     fits = fit_triples(source, target, triples)
     trials, degenerate = int(times.sum()), int(times[~fits.sound].sum())
     if degenerate == trials:
+        refuse_lines(source, target)
         listed = ", ".join(f"{spread:.3g}" for spread in principal_spreads(target))
         message = (
             f"All {trials} sets of three picks tried are degenerate, although the {len(source)} "

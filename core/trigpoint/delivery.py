@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +12,12 @@ from pathlib import Path
 import pandas as pd
 
 from trigpoint.canonical import plain, write_text
+from trigpoint.errors import ProjectError
+
+try:
+    import fcntl
+except ImportError:  # Windows, where a folder can't be locked
+    fcntl = None  # type: ignore[assignment]
 
 
 @contextmanager
@@ -24,25 +31,52 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     ----------
     folder : Path
         Where the result belongs. Its parents are made.
+
+    Raises
+    ------
+    ProjectError
+        If another run is writing the same folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     draft = folder.with_name(f".{folder.name}.draft")
     previous = folder.with_name(f".{folder.name}.previous")
     if previous.exists() and not folder.exists():
         previous.rename(folder)  # killed between the two renames below
-    for leftover in (draft, previous):
-        if leftover.exists():
-            shutil.rmtree(leftover)
-    draft.mkdir()
+    with _claimed(draft):
+        for leftover in (previous, *draft.iterdir()):
+            if leftover.is_dir() and not leftover.is_symlink():
+                shutil.rmtree(leftover)
+            else:
+                leftover.unlink(missing_ok=True)
+        try:
+            yield draft
+        except BaseException:
+            shutil.rmtree(draft, ignore_errors=True)
+            raise
+        if folder.exists():
+            folder.rename(previous)
+        draft.rename(folder)
+        shutil.rmtree(previous, ignore_errors=True)
+
+
+@contextmanager
+def _claimed(draft: Path) -> Iterator[None]:
+    """Hold a draft for this process alone; the claim ends with the process, however it ends."""
+    draft.mkdir(exist_ok=True)
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(draft, os.O_RDONLY)
     try:
-        yield draft
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
-    if folder.exists():
-        folder.rename(previous)
-    draft.rename(folder)
-    shutil.rmtree(previous, ignore_errors=True)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        message = f"Another run is writing {draft.parent / draft.name[1:-6]} now; wait for it."
+        raise ProjectError(message) from error
+    try:
+        yield
+    finally:
+        os.close(handle)
 
 
 def write_csv(path: Path, rows: object) -> None:

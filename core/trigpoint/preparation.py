@@ -234,9 +234,13 @@ def thin(
     """
     origin, lattice, region = reference.cloud.origin, reference.lattice, reference.region
 
+    nameless = False
+
     def placed() -> Iterator[PointCloud]:
+        nonlocal nameless
         for chunk in _chunks(reconstruction, crs=crs):
             if similarity is None:
+                nameless = (chunk.crs is None) != (reference.cloud.crs is None)
                 _refuse_other_crs(chunk.crs, reference.cloud.crs)
             yield chunk
 
@@ -251,6 +255,12 @@ def thin(
     found = _joined(worked(work, placed()), limit=limit)
     voxels = found.voxels(origin, lattice)
     cautions = []
+    if nameless:
+        message = (
+            "The reconstruction or the reference, and not the other, names no CRS: both are taken "
+            "to be in the same one, in metres."
+        )
+        cautions.append(Caution("crs_missing", message))
     if found.kept < MOSTLY_EMPTY * found.read or not found.kept:
         message = (
             f"The region keeps {found.kept:,} of the reconstruction's {found.read:,} points. If "
@@ -381,6 +391,15 @@ def _floor(
 def _refuse_other_crs(own: pyproj.CRS | None, other: pyproj.CRS | None) -> None:
     if own is None or other is None:
         return
+    heights = [vertical.datum for crs in (own, other) if (vertical := split_crs(crs)[1])]
+    # By name: the same datum in feet and in metres is one, and both were converted.
+    names = [datum.name for datum in heights if datum is not None]
+    if len(names) == 2 and names[0] != names[1]:
+        message = (
+            f"The reconstruction's heights count from {names[0]} and the reference's from "
+            f"{names[1]}: bring one to the other's vertical CRS first."
+        )
+        raise CrsError(message)
     codes = [split_crs(crs)[0].to_epsg() for crs in (own, other)]
     if None not in codes and codes[0] != codes[1]:
         message = (

@@ -170,7 +170,7 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
     path = Path(path)
     try:
         stored = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as error:
+    except (OSError, RecursionError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not JSON"
         message = f"{path.name} can't be read as a similarity: {reason}."
         raise SimilarityError(message) from error

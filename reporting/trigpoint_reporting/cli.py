@@ -59,7 +59,7 @@ def main() -> NoReturn:
         code = app(standalone_mode=False)
     except TrigpointError as error:
         code = _fail(error.code, str(error))
-    except typer.Abort:
+    except (KeyboardInterrupt, typer.Abort):
         code = _fail("stopped", "Stopped; nothing half-written is left.")
     except OSError as error:
         where = f": {error.filename}" if error.filename else ""
