@@ -1,0 +1,340 @@
+import inspect
+import json
+import re
+from copy import deepcopy
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+
+from trigpoint.canonical import to_json
+from trigpoint.criteria import schema
+from trigpoint_reporting.blocks import Passage, Table, Value
+from trigpoint_reporting.content.distances import accuracy, completeness
+from trigpoint_reporting.content.doubts import limitations
+from trigpoint_reporting.content.frame import coordinate_reference
+from trigpoint_reporting.content.front import result
+from trigpoint_reporting.content.hypothesis import icp
+from trigpoint_reporting.content.pairs import paired
+from trigpoint_reporting.content.provenance import provenance
+from trigpoint_reporting.content.residuals import MOST, picks
+from trigpoint_reporting.content.scope import purpose
+from trigpoint_reporting.content.transform import transformation
+from trigpoint_reporting.content.validity import validation
+from trigpoint_reporting.content.worth import reliability
+from trigpoint_reporting.numbers import write_rounding
+from trigpoint_reporting.render import to_html, to_text
+from trigpoint_reporting.verifier import verify
+
+MACHINE = re.compile(r"\bnan\b|\bNone\b|\binf\b|\bTrue\b|\bFalse\b|<object|\d[eE][+-]?\d{2}\b")
+
+
+@pytest.fixture
+def sections():
+    return pytest.importorskip(
+        "trigpoint_reporting.outline", reason="figures need matplotlib"
+    ).SECTIONS
+
+
+@pytest.fixture
+def blocks_of(sections):
+    """Return every block of every section."""
+
+    def collect(evidence):
+        for section in sections:
+            if section.per_reconstruction:
+                for name in evidence.names:
+                    yield from section.function(evidence, name)
+            else:
+                yield from section.function(evidence)
+
+    return collect
+
+
+def cells(block):
+    if isinstance(block, Passage):
+        return list(block.parts)
+    return [cell for row in block.rows for cell in row] + list(block.note)
+
+
+def texts(row):
+    return [cell.text if isinstance(cell, Value) else cell for cell in row]
+
+
+def told(blocks):
+    return "\n".join(map(to_text, blocks))
+
+
+def table(blocks, words):
+    return next(each for each in blocks if isinstance(each, Table) and words in each.caption)
+
+
+def test_the_samples_are_what_results_json_may_be(evidence):
+    jsonschema.validate(evidence.results, schema())
+
+
+def test_every_number_is_the_one_that_its_path_holds(evidence, blocks_of, tmp_path):
+    write_rounding(tmp_path / "rounding.json")
+    rounding = json.loads((tmp_path / "rounding.json").read_text("utf-8"))
+    printed = 0
+    for block in blocks_of(evidence):
+        for cell in cells(block):
+            if isinstance(cell, Value) and cell.path:
+                stored = verify.look_up(evidence.results, cell.path)
+                digits = verify.digits_for(rounding, cell.path, evidence.results)
+                exact = digits is None
+                right, expected = verify.printed_right(cell.text, stored, digits, exact=exact)
+                assert right, (cell, expected)
+                printed += 1
+    assert printed > 90
+
+
+def test_tables_are_whole_and_say_nothing_in_a_machines_words(evidence, blocks_of):
+    for block in blocks_of(evidence):
+        assert to_html(block)
+        if isinstance(block, Table):
+            assert block.caption
+            assert block.rows
+            assert {len(row) for row in block.rows} == {len(block.columns)}
+        assert not MACHINE.search(to_text(block)), to_text(block)
+
+
+def test_telling_changes_nothing_and_is_the_same_again(evidence, blocks_of):
+    before = deepcopy(evidence.results)
+    assert told(blocks_of(evidence)) == told(blocks_of(evidence))
+    assert evidence.results == before
+
+
+def test_hostile_text_is_printed_as_that(make_evidence, blocks_of):
+    evidence = make_evidence("hostile")
+    page = "".join(map(to_html, blocks_of(evidence))).replace("<wbr>", "")
+    assert "<script" not in page
+    assert "<b>" not in page
+    assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") > 8
+    assert "برج الساعة" in page
+
+
+def test_sections_have_anchors_of_their_own_and_figures_that_can_be_called(sections):
+    ids = [section.id for section in sections]
+    assert len(set(ids)) == len(ids)
+    for section in sections:
+        assert re.fullmatch("[a-z-]+", section.id)
+        assert section.title
+        needed = 2 if section.per_reconstruction else 1
+        assert len(inspect.signature(section.function).parameters) == needed
+        for figure in section.figures:
+            assert len(inspect.signature(figure).parameters) in (1, 2)
+
+
+def test_the_first_page_reports_what_has_no_limit(make_evidence):
+    rows = [texts(row) for row in table(result(make_evidence("paper")), "Criteria").rows]
+    assert [row[4] for row in rows] == ["0.137", "0.205", "0.265", "90.7", "78.5"]
+    assert {row[-1] for row in rows} == {"reported, no limit set"}
+
+
+def test_limits_stand_with_their_source_and_are_not_reported_twice(make_evidence):
+    rows = [texts(row) for row in table(result(make_evidence("full")), "Criteria").rows]
+    assert rows[0] == [
+        "Leave-one-out RMSE, 3D (m)",
+        "nerf",
+        "brief, clause 4",
+        "max 0.25",
+        "0.205",
+        "0.045",
+        "✓ met",
+    ]
+    assert sum(row[0].startswith("Leave-one-out") for row in rows) == 1
+
+
+def test_a_threshold_typed_with_another_zero_is_the_same_limit(with_limits):
+    quantity = "comparison.delivered.completeness.all.within[0.10].pct"
+    evidence = with_limits((quantity, 95.0, 90.7), verdict="PASS")
+    rows = [texts(row) for row in table(result(evidence), "Criteria").rows]
+    assert [row[1] for row in rows if row[0].startswith("Completeness")] == ["nerf", "sfm"]
+
+
+def test_a_limit_missed_by_a_hair_does_not_read_as_missed_by_nothing(with_limits):
+    evidence = with_limits(("loocv.rmse_m", 0.205, 0.20504), verdict="FAIL")
+    row = texts(table(result(evidence), "Criteria").rows[0])
+    assert row[-2:] == ["\N{MINUS SIGN}0.00004", "✗ not met"]
+
+
+def test_the_plot_scales_of_the_paper_are_printed(make_evidence):
+    rows = [texts(row) for row in table(result(make_evidence("paper")), "plot scale").rows]
+    assert [row[-1] for row in rows] == ["1:761", "1:1139"]
+
+
+def test_missing_statements_are_said_to_be_missing(make_evidence):
+    evidence = make_evidence("paper")
+    assert "No purpose was stated" in told(purpose(evidence))
+    assert "can't be told" in told(purpose(evidence))
+    assert limitations(evidence)[0].tone == "warning"
+    assert "No limitations statement was supplied." in told(limitations(evidence))
+
+
+def test_residuals_are_summed_up_as_numpy_does(make_evidence):
+    evidence = make_evidence("paper")
+    shown = table(picks(evidence, "nerf"), "residuals")
+    found = evidence.results["reconstructions"]["nerf"]["alignment"]["residuals"]
+    frame = pd.DataFrame(found)[["dx_m", "dy_m", "dz_m"]]
+    mean, spread, rmse, largest = ([*texts(row)] for row in shown.rows[-4:])
+    assert [row[0] for row in (mean, spread, rmse, largest)] == [
+        "Mean",
+        "Standard deviation",
+        "RMSE",
+        "Largest",
+    ]
+    assert spread[2:5] == [f"{each:.3f}" for each in frame.std()]
+    assert rmse[2:5] == [f"{each:.3f}" for each in np.sqrt((frame**2).mean())]
+    assert largest[2:5] == [f"{each:.3f}" for each in frame.abs().max()]
+    assert rmse[-1] == "0.137"
+    # A mean of lengths is no error, and is not printed as one.
+    assert mean[-1] == spread[-1] == "\N{EN DASH}"
+    assert "3n − 7 = 11, it is 0.175 m" in to_text(shown)  # noqa: RUF001 - as printed
+
+
+def test_rejected_picks_are_listed_and_enter_no_summary(make_evidence):
+    shown = table(picks(make_evidence("rejected"), "nerf"), "residuals")
+    rows = [texts(row) for row in shown.rows]
+    assert [row[0] for row in rows if row[1] == "REJECTED"] == [f"wrong-{k}" for k in range(7)]
+    assert float(rows[-1][-1]) < 0.1
+    assert "7 of 10" in to_text(shown)
+
+
+def test_three_hundred_picks_are_all_printed_and_thousands_by_their_worst(make_evidence):
+    evidence = make_evidence("many")
+    assert len(table(picks(evidence, "nerf"), "residuals").rows) == 304
+    found = evidence.results["reconstructions"]["nerf"]["alignment"]
+    found["residuals"] = [
+        found["residuals"][0] | {"id": f"m{k}", "d_m": k / 1000} for k in range(900)
+    ]
+    shown = table(picks(evidence, "nerf"), "residuals")
+    assert len(shown.rows) == MOST + 4
+    assert shown.rows[0][0] == "m500"
+    assert f"Printed are the {MOST} largest of 900" in to_text(shown)
+
+
+def test_coordinates_are_printed_where_the_bundle_holds_them(make_evidence):
+    evidence = make_evidence("paper")
+    assert len(picks(evidence, "nerf")) == 1
+    columns = [f"{frame}_{axis}" for frame in ("source", "target") for axis in "xyz"]
+    frame = pd.DataFrame([[1.5, 2, 3, 741000.25, 4279050, 150]], columns=columns)
+    frame = frame.assign(id="p0", role="control", sigma_target=np.nan)
+    frame.to_csv(evidence.folder / "data" / "correspondences-nerf.csv", index=False)
+    row = texts(table(picks(evidence, "nerf"), "coordinates").rows[0])
+    assert row[:3] == ["p0", "control", "1.5000"]
+    assert row[-1] == "not stated"
+
+
+def test_the_transformation_is_told_in_every_usual_form(make_evidence):
+    words = told(transformation(make_evidence("paper"), "nerf"))
+    for part in (
+        "90.000000",  # about the vertical
+        "0.707106781",
+        "det R = 1.000000000",
+        "741012.500",
+        "transform/nerf_matrix.txt",
+        "Global registration error, total RMS (m)  0.137",
+        "Total number of points                    500,000",
+        "trigpoint apply transform/nerf.json",
+    ):
+        assert part in words
+
+
+def test_validation_gives_the_interval_of_so_few_picks(make_evidence):
+    words = told(validation(make_evidence("paper"), "nerf"))
+    assert "0.175 m in space, with a 95 % interval from 0.124 to 0.298 m" in words
+    assert "1.50 times as much" in words
+    assert "There are no check picks." in words
+    assert "0.265 %" in words
+
+
+def test_three_picks_have_nothing_to_leave_out_and_say_so(make_evidence):
+    evidence = make_evidence("few")
+    assert "needs at least four picks" in told(validation(evidence, "nerf"))
+    words = told(reliability(evidence, "nerf"))
+    assert "The covariance of the similarity is not available." in words
+    assert "not tested" in words
+    assert "no error of that pick, however large, would show" in words
+
+
+def test_reliability_states_both_error_levels_and_the_weakest_axis_first(make_evidence):
+    words = told(reliability(make_evidence("full"), "nerf"))
+    assert "p < 0.05 / n = 0.0083" in words
+    assert "α = 0.001 finds with power 0.80" in words  # noqa: RUF001 - as printed
+    assert "0.400°, 0.200° and 0.100°" in words
+    assert "scale bar" in words
+
+
+def test_the_rule_for_icp_is_printed_before_its_numbers(make_evidence):
+    words = told(icp(make_evidence("paper"), "nerf"))
+    rule, cannot = words.index("Rule, set before the numbers"), words.index("cannot fall")
+    assert rule < cannot < words.index("0.211")
+    assert "Not retained: the held-out error did not fall." in words
+
+
+def test_icp_without_picks_is_judged_by_nothing(make_evidence):
+    evidence = make_evidence("paper")
+    words = told(icp(evidence, "sfm"))
+    assert "nothing was held out" in words
+    assert "control" not in words
+    evidence.results["reconstructions"]["sfm"]["icp"] = None
+    assert told(icp(evidence, "sfm")) == "The project asked for no ICP."
+
+
+def test_zones_carry_their_heights_and_thresholds_below_the_voxel_a_mark(make_evidence):
+    blocks = completeness(make_evidence("paper"), "nerf")
+    heights = [texts(row)[1] for row in table(blocks, "distances as delivered").rows]
+    assert heights[0] == "151.9 to 212.0"
+    assert heights[3] == "191.6 to 212.0"
+    marked = [texts(row)[1] for row in table(blocks, "within distances").rows[:4]]
+    assert marked == ["RMSE (m)", "within 0.05 m (%) *", "within 0.1 m (%) *", "within 0.2 m (%)"]
+    assert "532,598" in to_text(table(blocks, "kept and lost"))
+
+
+def test_an_empty_zone_is_nothing_within_any_distance(make_evidence):
+    blocks = accuracy(make_evidence("hollow"), "nerf")
+    upper = texts(table(blocks, "distances as delivered").rows[3])
+    assert upper[2:] == ["0", *["not available"] * 7]
+    assert "No points in: upper." in told(blocks)
+    assert texts(table(blocks, "within distances").rows[-1])[2] == "0.0"
+
+
+def test_intervals_are_columns_where_there_are_any(make_evidence):
+    known = table(accuracy(make_evidence("full"), "nerf"), "within distances")
+    assert [*texts(known.rows[2])[2:5]] == ["90.7", "87.7", "93.7"]
+    unknown = table(accuracy(make_evidence("paper"), "nerf"), "within distances")
+    assert len(unknown.columns) == len(known.columns) - 2
+    assert "95 % intervals: not available." in to_text(unknown)
+    assert "From picking noise alone" in told(completeness(make_evidence("full"), "nerf"))
+
+
+def test_reconstructions_are_compared_where_they_were(make_evidence):
+    words = told(paired(make_evidence("full")))
+    assert "As delivered: nerf is more complete." in words
+    assert "After ICP, pose taken out: nerf is more complete." in words
+    assert "one reconstruction" in told(paired(make_evidence("unpicked")))
+    assert "Not available" in told(paired(make_evidence("paper")))
+
+
+def test_the_coordinate_reference_says_what_it_does_not_say(make_evidence):
+    words = told(coordinate_reference(make_evidence("paper")))
+    for part in ("vertical datum is unknown", "ensemble", "2.000 m", "28.4 mm over 100 m", "1.727"):
+        assert part in words
+    none = coordinate_reference(make_evidence("hollow"))
+    assert "There is no coordinate reference" in told(none)
+
+
+def test_changes_of_a_revision_are_listed(make_evidence):
+    evidence = make_evidence("paper")
+    assert "This is the first revision." in told(provenance(evidence))
+    path = "reconstructions.nerf.alignment.rmse_m"
+    change = {"path": path, "kind": "changed", "before": 0.14161, "after": None}
+    stored = {"against": "tower-r1", "changes": [change]}
+    changes = evidence.folder / "data" / "changes.json"
+    changes.write_text(to_json(stored), "utf-8")
+    row = texts(table(provenance(evidence), "changed since tower-r1").rows[0])
+    assert row == [path, "changed", "0.142", "\N{EN DASH}"]
+    changes.write_text(to_json({"against": None, "changes": []}), "utf-8")
+    assert "changes are not known" in told(provenance(evidence))
