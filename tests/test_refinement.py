@@ -86,7 +86,9 @@ def test_trap_6_a_third_of_a_metre_shrinks_below_a_centimetre(offset):
 
 @pytest.mark.parametrize("method", ["plane", "point"])
 def test_trap_6_no_overlap_is_an_error_not_convergence(method, offset):
-    with pytest.raises(RefinementError, match=r"0 of \d+ source points lie within 0.5 m .* at 11\d m"):
+    with pytest.raises(
+        RefinementError, match=r"0 of \d+ source points lie within 0.5 m .* at 11\d m"
+    ):
         icp(tower(1) + np.array([130, 0, 0]) + offset, tower(2) + offset, method=method)
 
 
