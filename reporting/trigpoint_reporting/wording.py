@@ -43,13 +43,13 @@ VERDICTS: Mapping[str, Told] = {
 QUANTITIES: Mapping[str, str] = {
     "alignment.n": "Control picks used",
     "alignment.rmse_m": "RMSE at the control picks, 3D (m)",
-    "alignment.rmse_dof_m": "The same by degrees of freedom (m)",
+    "alignment.rmse_dof_m": "RMSE at the control picks by degrees of freedom (m)",
     "loocv.rmse_m": "Leave-one-out RMSE, 3D (m)",
     "loocv.rmse_procedure_m": "Leave-one-out RMSE, consensus redone (m)",
     "loocv.max_scale_change_pct": "Largest change of scale, one pick left out (%)",
     "checks.n": "Check picks",
     "checks.rmse_m": "RMSE at the check picks, 3D (m)",
-    "checks.total_m": "The same with the reference's accuracy (m)",
+    "checks.total_m": "RMSE at the check picks with the reference's accuracy (m)",
 }
 ZONE_QUANTITIES: Mapping[str, str] = {
     "n": "points",
