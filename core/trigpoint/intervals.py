@@ -83,7 +83,9 @@ def estimate(
     show how the value would vary among such buildings, and with it what a small or patchy zone
     is worth. Reflected as ``2 p - q``.
 
-    The interval holds the middle 95 % of both together, clipped to what is possible. A blunder
+    The interval holds the middle 95 % of both together, clipped to what is possible. What was
+    measured lies near its worse end, and may lie just outside: a pose error has worsened it. Where
+    nearly all is within a threshold at any pose, the interval is wider than it need be. A blunder
     among the picks, or a reconstruction that is bent as a whole, is not in it. The region's crop
     and the lattice stay where they were.
 
