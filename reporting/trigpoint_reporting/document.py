@@ -26,7 +26,7 @@ try:
     from trigpoint_reporting.outline import SECTIONS, Section
 except ImportError as error:
     _MESSAGE = 'Reports need Jupyter\'s notebooks: pip install "trigpoint[reporting]"'
-    raise MissingPackageError(_MESSAGE) from error
+    raise MissingPackageError(_MESSAGE, name=error.name) from error
 
 Say = Callable[[str], None]
 
