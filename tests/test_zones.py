@@ -9,7 +9,7 @@ import shapely
 
 from trigpoint.cloud import PointCloud, cloud_from
 from trigpoint.errors import RegionError
-from trigpoint.zones import Outline, height_zones, padded_box, read_outline
+from trigpoint.zones import Outline, extent, height_zones, padded_box, read_outline
 
 UTM15 = pyproj.CRS("EPSG:32615")
 SITE = np.array([741_000.0, 4_279_000.0, 150.0])
@@ -176,3 +176,17 @@ def test_an_outline_looks_at_absolute_coordinates():
     for origin in (SITE, SITE - 1_000):
         cloud = PointCloud(points + (SITE - origin), origin)
         assert outline.contains(cloud).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("n", [1, 63, 64, 65, 1000])
+def test_the_extent_is_that_of_every_point(n, offset):
+    points = np.random.default_rng(n).normal(0, 9, (n, 3))
+    low, high = extent(PointCloud(points, offset))
+    np.testing.assert_array_equal(low, points.min(axis=0) + offset)
+    np.testing.assert_array_equal(high, points.max(axis=0) + offset)
+
+
+def test_the_extent_of_nothing_is_infinite():
+    low, high = extent(PointCloud(np.empty((0, 3)), SITE))
+    assert np.isposinf(low).all()
+    assert np.isneginf(high).all()

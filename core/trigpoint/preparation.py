@@ -27,6 +27,7 @@ from trigpoint.zones import (
     Box,
     HeightZones,
     Outline,
+    extent,
     height_zones,
     padded_box,
     read_outline,
@@ -327,9 +328,7 @@ def _part(
     half: NDArray[np.bool_] | None = None,
 ) -> _Part:
     xyz = cloud.xyz if (cloud.origin == origin).all() else cloud.about(origin).xyz
-    # Axis by axis: several times as fast as along the short axis of the whole array.
-    low = np.array([xyz[:, axis].min(initial=np.inf) for axis in range(3)]) + origin
-    high = np.array([xyz[:, axis].max(initial=-np.inf) for axis in range(3)]) + origin
+    low, high = extent(PointCloud(xyz, origin))
     cells = [] if lattice is None else group(cloud, lattice, half=half)
     return _Part(read, xyz, low, high, half, cells)
 
