@@ -9,7 +9,7 @@ import pytest
 
 from trigpoint.errors import MissingPackageError
 from trigpoint_reporting import pdf
-from trigpoint_reporting.pdf import LIBRARIES, PdfError, write_pdf
+from trigpoint_reporting.pdf import LIBRARIES, PdfError, letters_without_font, write_pdf
 
 BODY = "<h1>Tower</h1><p>It holds.</p>"
 
@@ -146,6 +146,12 @@ def test_what_is_missing_is_named_with_what_to_install(tmp_path, monkeypatch, mi
     monkeypatch.setattr(builtins, "__import__", fake)
     with pytest.raises(MissingPackageError, match=words):
         write_pdf(page(), tmp_path / "report.pdf")
+
+
+@pytest.mark.usefixtures("weasyprint")
+def test_letters_that_no_font_of_the_report_has_are_named():
+    assert letters_without_font(page("<p title='東'>Łódź مدينة &#1488; ✗ &lt; \u2212</p>")) == ""
+    assert letters_without_font(page("<p>東京, &#26481;</p>")) == "京東"
 
 
 def test_the_fallback_fonts_are_there():

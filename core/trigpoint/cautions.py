@@ -39,6 +39,7 @@ Code = Literal[
     "cross_check_disagrees",
     "report_not_made",  # what reports need is not installed
     "pdf_not_made",  # the system lacks what the report's PDF needs
+    "letters_without_font",  # the report's fonts lack letters that a name has
 ]
 
 CODES: frozenset[str] = frozenset(get_args(Code))

@@ -14,7 +14,7 @@ from trigpoint.delivery import sha256
 from trigpoint.errors import MissingPackageError
 from trigpoint_reporting.evidence import Evidence, open_evidence
 from trigpoint_reporting.manifest import RECORD
-from trigpoint_reporting.pdf import Variant, write_pdf
+from trigpoint_reporting.pdf import Variant, letters_without_font, write_pdf
 
 try:
     import nbformat
@@ -73,6 +73,7 @@ def write_report(
     -------
     tuple of Caution
         ``pdf_not_made`` where this system lacks what the PDF needs; the HTML is whole without.
+        ``letters_without_font`` where a name is in a script that the report's fonts lack.
 
     Raises
     ------
@@ -107,6 +108,12 @@ def write_report(
         )
     except MissingPackageError as error:
         return (Caution("pdf_not_made", f"{HTML} is whole, but there is no {PDF}. {error}"),)
+    if letters := letters_without_font(html):
+        message = (
+            f"No font of the report has {letters!r}: {PDF} draws them in fonts of this machine, "
+            "or as boxes, and is no PDF/A for them."
+        )
+        return (Caution("letters_without_font", message),)
     return ()
 
 

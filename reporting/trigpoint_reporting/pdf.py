@@ -7,16 +7,18 @@ import datetime as dt
 import importlib.util
 import logging
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from html import unescape
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
 from trigpoint.errors import MissingPackageError, TrigpointError
-from trigpoint_templates import FOLDER, PRINT_CSS
+from trigpoint_templates import FOLDER, FONTS, PRINT_CSS
 
 Variant = Literal["a-3a", "a-2a"]
 # Where a project states no date: one that is visibly none.
@@ -107,6 +109,21 @@ def write_pdf(
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def letters_without_font(html: str) -> str:
+    """Return the letters of a report that none of its fonts has, in order, each once.
+
+    They are drawn in whatever font this machine has for them, or as boxes.
+    """
+    from fontTools.ttLib import TTFont  # type: ignore[import-untyped]
+
+    known: set[int] = set()
+    for font in (FONTS / "IBMPlexSans-Regular.woff", _matplotlib_fonts() / "DejaVuSans.ttf"):
+        with TTFont(font) as opened:
+            known.update(opened.getBestCmap())
+    letters = set(unescape(re.sub("<[^>]*>", "", html)))
+    return "".join(sorted(x for x in letters if ord(x) not in known and not x.isspace()))
 
 
 def _weasyprint() -> Any:
