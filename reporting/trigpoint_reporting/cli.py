@@ -284,9 +284,10 @@ def _report(folder: Path, say: people.Say) -> tuple[Caution, ...]:
     try:
         from trigpoint_reporting.document import write_report
     except ImportError as error:
+        lacking = str(error) if isinstance(error, TrigpointError) else f"{error.name} is missing"
         message = (
-            f"There is no report, only results, tables and clouds: {error.name} is not installed. "
-            'Install what reports need with pip install "trigpoint[reporting]".'
+            f"There is no report, only results, tables and clouds. {lacking.rstrip('.')}. Install "
+            'what reports need with pip install "trigpoint[reporting]".'
         )
         return (Caution("report_not_made", message),)
     return write_report(folder, say=say)
