@@ -22,7 +22,7 @@ print(json.dumps(dict(counts) | {"peak": peak}))
 
 
 def test_comparing_costs_little_more_than_decoding_and_searching(laz, decode, seconds, line):
-    paths = [laz(10_000_000, seed, edge=48) for seed in (1, 2)]
+    paths = [laz(10_000_000, seed, edge=62) for seed in (1, 2)]
     found = compare(*paths)
     voxels = found.reconstruction.xyz, found.reference.xyz
     whole = seconds(lambda: compare(*paths))

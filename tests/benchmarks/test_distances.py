@@ -16,7 +16,7 @@ from trigpoint.voxels import Lattice, thin
 pytestmark = pytest.mark.benchmark
 
 # Sixteen million points on this width thin to about four million voxels.
-MILLIONS, EDGE, VOXEL = 16, 77, 0.10
+MILLIONS, EDGE, VOXEL = 16, 106, 0.10
 
 
 @pytest.fixture(scope="module")
