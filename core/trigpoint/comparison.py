@@ -183,9 +183,13 @@ def measure(
         *_shares("accuracy", accuracy, raw_accuracy, within),
         *_shares("completeness", completeness, raw_completeness, within),
     ]
+    tables = worked(_statistics, (accuracy, completeness))
+    accuracy_table, completeness_table = (
+        table.assign(floor_rmse_m=reference.floor_rmse_m) for table in tables
+    )
     return Comparison(
-        accuracy=_statistics(accuracy, reference.floor_rmse_m),
-        completeness=_statistics(completeness, reference.floor_rmse_m),
+        accuracy=accuracy_table,
+        completeness=completeness_table,
         within=pd.DataFrame(shares, columns=list(SHARES)),
         accuracy_m=accuracy_m,
         completeness_m=completeness_m,
@@ -223,10 +227,9 @@ def _by_zone(distances: Distances, points: Points, reference: Reference) -> dict
     return {ALL: distances} | {name: distances[own == k] for k, name in enumerate(zones.names)}
 
 
-def _statistics(by_zone: Mapping[str, Distances], floor_rmse_m: pd.Series[float]) -> pd.DataFrame:
+def _statistics(by_zone: Mapping[str, Distances]) -> pd.DataFrame:
     rows = [_summary(distances) for distances in by_zone.values()]
-    table = pd.DataFrame(rows, columns=list(STATISTICS), index=pd.Index(by_zone, name="zone"))
-    return table.assign(floor_rmse_m=floor_rmse_m)
+    return pd.DataFrame(rows, columns=list(STATISTICS), index=pd.Index(by_zone, name="zone"))
 
 
 def _summary(d: Distances) -> tuple[float, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import NamedTuple
@@ -60,8 +61,6 @@ class Reference:
         Thinned; all clouds of a comparison are about its origin.
     counts : ndarray of shape (m,)
         Points that each of its points stands for.
-    tree : Tree
-        Of the thinned points.
     raw : ndarray of shape (n, 3) or None
         The points before thinning, about the same origin; None where there are too many.
     lattice : Lattice or None
@@ -73,15 +72,11 @@ class Reference:
     zones : HeightZones
     region : Box, Outline or None
         What reconstructions are cropped to; None keeps all of them.
-    floor_rmse_m : Series
-        By zone, ``all`` first: the RMSE of one random half of the reference against the other,
-        both thinned. A perfect reconstruction that is sampled no denser would score no better.
     cautions : tuple of Caution
     """
 
     cloud: PointCloud
     counts: NDArray[np.int64]
-    tree: Tree
     raw: Points | None
     lattice: Lattice | None
     points: int
@@ -89,8 +84,24 @@ class Reference:
     high: NDArray[np.float64]
     zones: HeightZones
     region: Box | Outline | None
-    floor_rmse_m: pd.Series[float]
     cautions: tuple[Caution, ...]
+    # Worked out by threads while the first reconstruction is being read.
+    _tree: Future[Tree]
+    _floor: Future[pd.Series[float]]
+
+    @property
+    def tree(self) -> Tree:
+        """Of the thinned points."""
+        return self._tree.result()
+
+    @property
+    def floor_rmse_m(self) -> pd.Series[float]:
+        """RMSE of one random half of the reference against the other, both thinned, by zone.
+
+        ``all`` comes first. A perfect reconstruction that is sampled no denser would score no
+        better.
+        """
+        return self._floor.result()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,12 +201,14 @@ def prepare(
     found = _joined(worked(work, halved()), limit=RAW_LIMIT if lattice else None)
     cuts = height_zones(float(found.low[2]), float(found.high[2]), fractions=zones)
     area = _area(region, margin, found, first.crs)
-    floor = _floor(found, origin, lattice, cuts)
     voxels = found.voxels(origin, lattice)
+    pool = ThreadPoolExecutor(2)
+    tree = pool.submit(Tree, voxels.cloud.xyz)
+    floor = pool.submit(_floor, found, origin, lattice, cuts)
+    pool.shutdown(wait=False)
     return Reference(
         cloud=replace(voxels.cloud, crs=first.crs),
         counts=voxels.counts,
-        tree=Tree(voxels.cloud.xyz),
         raw=found.raw,
         lattice=lattice,
         points=found.read,
@@ -203,8 +216,9 @@ def prepare(
         high=found.high,
         zones=cuts,
         region=area,
-        floor_rmse_m=floor,
         cautions=area.cautions if isinstance(area, Outline) else (),
+        _tree=tree,
+        _floor=floor,
     )
 
 

@@ -217,13 +217,13 @@ def gather(parts: Iterable[Cells]) -> list[Cells]:
         Each ascending, and one after the other.
     """
     merged: list[Cells] = []
-    room = _room(PENDING, np.uint32)
     waiting: list[Cells] = []
-    used = 0
+    points = 0
     for part in parts:
-        if used + len(part) > PENDING:
-            merged, waiting, used = _merge(merged + waiting), [], 0
-        waiting.append(_put(room, slice(used, used := used + len(part)), part))
+        if points + len(part) > PENDING:
+            merged, waiting, points = _merge(merged + waiting), [], 0
+        waiting.append(part)
+        points += len(part)
     return _merge(merged + waiting)
 
 
@@ -265,29 +265,17 @@ def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None)
 
 def _merge(runs: list[Cells]) -> list[Cells]:
     # Range by range: what is being sorted stays in the processor's cache, and ranges can be sorted
-    # at the same time.
-    room, used, pieces = _room(sum(map(len, runs)), np.int64), 0, []
+    # at the same time. The cells, which last, go to a few large arrays: of many small ones, made by
+    # many threads among others that do not last, the allocator gives little memory back.
+    size, used, pieces = sum(map(len, runs)), 0, []
+    keys, counts, *sums = (np.empty(size, np.int64) for _ in range(5))
     for piece in worked(_summed, _ranges(runs)):
-        pieces.append(_put(room, slice(used, used := used + len(piece)), piece))
+        rows = slice(used, used := used + len(piece))
+        keys[rows], counts[rows] = piece.keys, _points(piece)
+        for total, part in zip(sums, piece.sums, strict=True):
+            total[rows] = part
+        pieces.append(Cells(keys[rows], [total[rows] for total in sums], counts[rows]))
     return pieces
-
-
-def _room(size: int, kind: type[np.integer]) -> Cells:
-    # What lasts is kept in few large arrays. Of many small ones, made by many threads among others
-    # that do not last, the allocator gives little back: it doubled the memory.
-    keys, counts = np.empty(size, np.int64), np.empty(size, np.int64)
-    return Cells(keys, [np.empty(size, kind) for _ in range(3)], counts)
-
-
-def _put(room: Cells, rows: slice, cells: Cells) -> Cells:
-    stored = room[rows]
-    stored.keys[:] = cells.keys
-    for there, here in zip(stored.sums, cells.sums, strict=True):
-        there[:] = here
-    if cells.counts is None or stored.counts is None:
-        return Cells(stored.keys, stored.sums)
-    stored.counts[:] = cells.counts
-    return stored
 
 
 def _ranges(runs: list[Cells]) -> Iterator[list[Cells]]:

@@ -25,9 +25,12 @@ def test_comparing_costs_little_more_than_decoding_and_searching(laz, decode, se
     paths = [laz(10_000_000, seed, edge=62) for seed in (1, 2)]
     found = compare(*paths)
     voxels = found.reconstruction.xyz, found.reference.xyz
-    whole = seconds(lambda: compare(*paths))
-    decoding = seconds(lambda: [decode(path) for path in paths])
-    searching = seconds(lambda: (nearest(*voxels), nearest(*voxels[::-1])))
+    whole, decoding, searching = seconds(
+        lambda: compare(*paths),
+        lambda: [decode(path) for path in paths],
+        lambda: (nearest(*voxels), nearest(*voxels[::-1])),
+        runs=4,
+    )
     ratio = whole / (decoding + searching)
     line(
         f"compare two LAZ of 10 M points, {len(voxels[0]) / 1e6:.1f} M voxels each: {whole:.2f} s; "
@@ -40,10 +43,10 @@ def test_comparing_costs_little_more_than_decoding_and_searching(laz, decode, se
 def test_time_grows_linearly_in_points(laz, seconds, line, monkeypatch):
     # Unthinned shares stop at four million points: without them the work is the same at any size.
     monkeypatch.setattr(preparation, "RAW_LIMIT", 0)
-    took = {}
-    for millions, edge in ((1, 15), (4, 30), (16, 60)):
-        paths = [laz(millions * 1_000_000, seed, edge=edge) for seed in (1, 2)]
-        took[millions] = seconds(lambda paths=paths: compare(*paths))
+    sizes = {1: 15, 4: 30, 16: 60}
+    pairs = [[laz(m * 1_000_000, seed, edge=edge) for seed in (1, 2)] for m, edge in sizes.items()]
+    works = [lambda pair=pair: compare(*pair) for pair in pairs]
+    took = dict(zip(sizes, seconds(*works, runs=3), strict=True))
     line(
         "compare two LAZ of 1, 4, 16 M points: "
         + ", ".join(f"{value:.2f} s" for value in took.values())

@@ -45,11 +45,12 @@ def in_open3d(open3d, points):
 
 def test_thinning_is_not_slower_than_open3d(open3d, surveys, seconds, faster):
     theirs = in_open3d(open3d, surveys[0])
+    took, other = seconds(lambda: ours(surveys[0]), lambda: theirs.voxel_down_sample(VOXEL), runs=1)
     faster(
         f"thin {MILLIONS} M points",
-        seconds(lambda: ours(surveys[0]), runs=1),
+        took,
         "Open3D voxel_down_sample",
-        seconds(lambda: theirs.voxel_down_sample(VOXEL), runs=1),
+        other,
         times=1,
     )
 
@@ -57,12 +58,13 @@ def test_thinning_is_not_slower_than_open3d(open3d, surveys, seconds, faster):
 def test_distances_between_voxels(open3d, surveys, thinned, seconds, faster, line):
     source, target = thinned
     name = f"distances, {len(source) / 1e6:.1f} M to {len(target) / 1e6:.1f} M voxels"
-    took = seconds(lambda: nearest(source, target))
+    took, in_order = seconds(
+        lambda: nearest(source, target), lambda: cKDTree(target).query(source, workers=-1)
+    )
+    line(f"{name:<46} {took:7.2f} s   SciPy, given our sorted voxels     {in_order:7.2f} s")
     # As they come: the voxels that Open3D makes of the same points, in the order of its hashing.
     clouds = [in_open3d(open3d, points).voxel_down_sample(VOXEL) for points in surveys]
     arrays = [np.asarray(cloud.points) for cloud in clouds]
-    in_order = seconds(lambda: cKDTree(target).query(source, workers=-1), runs=1)
-    line(f"{name:<46} {took:7.2f} s   SciPy, given our sorted voxels     {in_order:7.2f} s")
     for rival, work in (
         (
             "Open3D compute_point_cloud_distance",
@@ -70,13 +72,13 @@ def test_distances_between_voxels(open3d, surveys, thinned, seconds, faster, lin
         ),
         ("SciPy cKDTree, workers=-1", lambda: cKDTree(arrays[1]).query(arrays[0], workers=-1)),
     ):
-        faster(name, took, rival, seconds(work, runs=1), times=4)
+        faster(name, took, rival, *seconds(work, runs=1), times=4)
 
 
 def test_distances_between_shuffled_points(open3d, surveys, seconds, faster):
     rng = np.random.default_rng(3)
     source, target = (rng.permutation(points)[:4_000_000] for points in surveys)
-    took = seconds(lambda: nearest(source, target))
+    (took,) = seconds(lambda: nearest(source, target))
     clouds = [in_open3d(open3d, points) for points in (source, target)]
     for rival, work in (
         (
@@ -89,7 +91,7 @@ def test_distances_between_shuffled_points(open3d, surveys, seconds, faster):
             "distances, 4 M to 4 M shuffled, ordering included",
             took,
             rival,
-            seconds(work, runs=1),
+            *seconds(work, runs=1),
             times=2,
         )
 
@@ -114,10 +116,13 @@ def test_distances_beside_cloudcompare(thinned, seconds, faster, tmp_path):
             capture_output=True,
         )
 
+    took, other = seconds(
+        lambda: nearest(*(read(path).coordinates for path in paths)), theirs, runs=1
+    )
     faster(
         "read two PLY files, distances",
-        seconds(lambda: nearest(*(read(path).coordinates for path in paths))),
+        took,
         "CloudCompare -C2C_DIST",
-        seconds(theirs, runs=1),
+        other,
         times=1,
     )
