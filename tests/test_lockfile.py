@@ -1,4 +1,5 @@
 import json
+import sys
 from importlib import metadata
 
 from trigpoint_reporting.lockfile import installed_requirements, write_lock
@@ -18,6 +19,15 @@ def test_the_lock_holds_what_is_required_and_nothing_else(tmp_path):
 def test_an_extra_counts_only_where_it_is_asked_for():
     assert "jinja2" not in installed_requirements("trigpoint")
     assert installed_requirements("no-such-distribution") == {}
+
+
+def test_what_only_another_system_or_python_requires_is_not_of_the_lock():
+    # IPython requires colorama on Windows alone; other packages bring it here, or do not.
+    named = [line for line in metadata.requires("ipython") or () if line.startswith("colorama")]
+    assert named
+    pins = installed_requirements("trigpoint", extras=("reporting",))
+    assert "ipython" in pins
+    assert ("colorama" in pins) == (sys.platform == "win32")
 
 
 def test_the_platform_states_no_path_or_host(tmp_path):

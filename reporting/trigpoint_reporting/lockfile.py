@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import platform
-import re
 import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from trigpoint.canonical import to_json, write_text
-
-_NAME = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)\s*(?:\[([^\]]*)\])?")
-_EXTRA = re.compile(r"""extra\s*==\s*['"]([^'"]+)['"]""")
 
 
 def write_lock(folder: Path) -> None:
@@ -44,15 +42,17 @@ def installed_requirements(name: str, *, extras: tuple[str, ...] = ()) -> dict[s
         seen.add(current)
         try:
             distribution = metadata.distribution(current[0])
-        except metadata.PackageNotFoundError:  # another system's, or an extra not asked for
+        except metadata.PackageNotFoundError:  # left out, as what is compiled may be
             continue
-        found[re.sub(r"[-_.]+", "-", distribution.metadata["Name"]).lower()] = distribution.version
+        found[canonicalize_name(distribution.metadata["Name"])] = distribution.version
         for line in distribution.requires or ():
-            needed = _NAME.match(line)
-            extra = _EXTRA.search(line)
-            if needed is not None and (extra is None or extra[1] in current[1]):
-                wanted = frozenset(part.strip() for part in (needed[2] or "").split(",") if part)
-                waiting.append((needed[1], wanted))
+            needed = Requirement(line)
+            # What only another system, another Python or an extra not asked for requires may be
+            # installed all the same, by something else: it is not of this bundle.
+            if needed.marker is None or any(
+                needed.marker.evaluate({"extra": extra}) for extra in ("", *current[1])
+            ):
+                waiting.append((needed.name, frozenset(needed.extras)))
     return dict(sorted(found.items()))
 
 
