@@ -15,6 +15,13 @@ REPORT_LIBRARIES = libpango-1.0.so.0:libpango-1.0-0 libpangoft2-1.0.so.0:libpang
 # Open3D, an independent implementation that the tests compare with, draws: it needs these to load.
 TEST_LIBRARIES = libGL.so.1:libgl1 libgomp.so.1:libgomp1 libX11.so.6:libx11-6
 
+# Qt loads its window platform through these.
+PANEL_LIBRARIES = libEGL.so.1:libegl1+libgl1-mesa-dri libGL.so.1:libgl1 libdbus-1.so.3:libdbus-1-3 \
+  libfontconfig.so.1:libfontconfig1 libxkbcommon-x11.so.0:libxkbcommon-x11-0 \
+  libxcb-cursor.so.0:libxcb-cursor0 libxcb-icccm.so.4:libxcb-icccm4 libxcb-image.so.0:libxcb-image0 \
+  libxcb-keysyms.so.1:libxcb-keysyms1 libxcb-render-util.so.0:libxcb-render-util0 \
+  libxcb-shape.so.0:libxcb-shape0 libxcb-xinerama.so.0:libxcb-xinerama0
+
 .PHONY: help demo test lint bench clean
 help:
 	@sed -n '1,4s/^# //p' Makefile
@@ -72,7 +79,7 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 # What has no wheel on this machine is left out: its tests skip and say so.
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
-	@$(call find_missing,$(TEST_LIBRARIES)); $(call install_system_packages,echo "The comparisons with Open3D are skipped." >&2)
+	@$(call find_missing,$(TEST_LIBRARIES) $(PANEL_LIBRARIES)); $(call install_system_packages,echo "What needs them, the panel and the comparisons with Open3D, is skipped." >&2)
 	$(PIP) -e ".[dev]"
 	@for oracle in $$($(BIN)/python -c 'import tomllib; print(*(r.split(";")[0].replace(" ", "") for r in tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"]))'); do \
 	  $(PIP) --only-binary :all: "$$oracle" || echo "No wheel of $$oracle here: its comparisons are skipped." >&2; \
