@@ -140,7 +140,10 @@ def ransac(
         message = f"trials is {trials}; it must be at least 1."
         raise SettingError(message)
     drawn = draw_triples(len(source), trials, np.random.Generator(np.random.PCG64(seed)))
-    triples, times = np.unique(drawn, axis=0, return_counts=True)
+    # Each triple as one number, which sorts as its row does and much faster.
+    base = np.array([len(source) ** 2, len(source), 1])
+    numbers, times = np.unique((drawn * base).sum(axis=1), return_counts=True)
+    triples = numbers[:, None] // base % len(source)
     return _search(source, target, weights, threshold, triples, times, method="ransac", seed=seed)
 
 
