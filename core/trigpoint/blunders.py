@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import optimize, stats
 
 from trigpoint.adjustment import Adjustment
 from trigpoint.cautions import Caution
+from trigpoint.distributions import chi2_isf, chi2_sf, f_isf, f_sf, noncentral_sf
 
 SUSPECT_ALPHA = 0.05  # shared by the n tests that may name a suspect
 BLUNDER_ALPHA, POWER = 0.001, 0.80  # Baarda's levels, for the detectable blunder
@@ -37,17 +37,16 @@ def noncentrality(alpha: float, power: float, dof: int, spare: int | None = None
     >>> round(noncentrality(0.001, 0.80, 1), 2), round(noncentrality(0.001, 0.80, 3), 2)
     (17.07, 21.55)
     """
-    critical = stats.chi2.isf(alpha, dof) if spare is None else stats.f.isf(alpha, dof, spare)
-
-    def lack(size: float) -> float:
-        if spare is None:
-            return float(stats.ncx2.sf(critical, dof, size)) - power
-        return float(stats.ncf.sf(critical, dof, spare, size)) - power
-
-    high = 10.0
-    while lack(high) < 0:
-        high *= 2
-    return float(optimize.brentq(lack, high / 1e3, high, xtol=1e-12, rtol=1e-14))
+    critical = float(chi2_isf(alpha, dof)) if spare is None else f_isf(alpha, dof, spare)
+    low, high = 0.0, 10.0
+    while noncentral_sf(critical, dof, high, spare) < power:
+        low, high = high, 2 * high
+    while low < (middle := (low + high) / 2) < high:
+        if noncentral_sf(critical, dof, middle, spare) < power:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def pick_table(
@@ -100,10 +99,10 @@ def pick_table(
     if count > 3 and not (exact and not known):
         standardised = np.sqrt(squares) / sigma
         if known:
-            p = stats.chi2.sf(squares / sigma**2, testable)
+            p = chi2_sf(squares / sigma**2, testable)
         else:
             rest = np.maximum(misfit - squares, np.finfo(np.float64).tiny)
-            p = stats.f.sf(squares / testable / (rest / spare), testable, spare)
+            p = f_sf(squares / testable / (rest / spare), testable, spare)
 
     # A blunder moves the residual by the redundancy times itself.
     response = np.einsum("ni,nij,nj->nij", shown, weight, shown)

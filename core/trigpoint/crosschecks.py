@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from trigpoint.adjustment import design_matrix
 from trigpoint.cautions import Caution
+from trigpoint.distributions import chi2_sf, f_sf
 from trigpoint.reliability import Reliability
 from trigpoint.similarity import Points, check_pairs
 
@@ -227,5 +227,5 @@ def _tail(statistic: float, count: int, share: float, reliability: Reliability) 
     # effective degrees of freedom (JCGM 100:2008, G.4). A million are as good as a known sigma.
     known = reliability.noise == "stated" or reliability.dof > 1e6 * share**2
     if known:
-        return float(stats.chi2.sf(statistic, count))
-    return float(stats.f.sf(statistic / count, count, reliability.dof / share**2))
+        return float(chi2_sf(statistic, count))
+    return float(f_sf(statistic / count, count, reliability.dof / share**2))

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from trigpoint.adjustment import linearise
 from trigpoint.blunders import pick_cautions, pick_table
 from trigpoint.cautions import Caution
+from trigpoint.distributions import chi2_isf, chi2_sf, normal_isf, t_isf
 from trigpoint.geometry import Verdict, judge, rotation_axes
 from trigpoint.propagation import covariance_at, matrix_covariance, sigma_at
 from trigpoint.similarity import (
@@ -195,11 +195,11 @@ def assess(
     misfit = adjustment.misfit(shape / unit)
     sigma0 = float(np.sqrt(misfit / dof))
     tail = (1 - CONFIDENCE) / 2
-    low, high = np.sqrt(dof / stats.chi2.isf([tail, 1 - tail], dof))
+    low, high = np.sqrt(dof / chi2_isf([tail, 1 - tail], dof))
     sigma = sigma0 if stated is None else float(np.sqrt(unit))
     noise: Literal["stated", "residuals"] = "residuals" if stated is None else "stated"
     global_statistic = np.nan if stated is None else misfit / unit
-    global_p = float(stats.chi2.sf(global_statistic, dof))
+    global_p = float(chi2_sf(global_statistic, dof))
 
     variances = shape / unit * sigma**2
     covariance = adjustment.covariance(variances)
@@ -355,7 +355,7 @@ def _statement(
 
 def _quantile(noise: str, dof: int) -> float:
     tail = (1 - CONFIDENCE) / 2
-    return float(stats.norm.isf(tail) if noise == "stated" else stats.t.isf(tail, dof))
+    return normal_isf(tail) if noise == "stated" else t_isf(tail, dof)
 
 
 def _rounding(source: Points, target: Points, similarity: Similarity) -> float:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
+from trigpoint.distributions import chi2_isf, f_sf
 from trigpoint.similarity import Points
 
 
@@ -101,7 +101,7 @@ def picking_sigma(sessions: Sequence[Points]) -> Repeats:
     spare = int((times[twice] - 1).sum())
     dof = 3 * spare
     sigma = float(np.sqrt(squares.sum() / dof))
-    low, high = np.sqrt(dof / stats.chi2.isf([0.025, 0.975], dof))
+    low, high = np.sqrt(dof / chi2_isf([0.025, 0.975], dof))
     own = np.full(len(times), np.nan)
     own[twice] = np.sqrt(squares[twice].sum(axis=1) / (3 * (times[twice] - 1)))
 
@@ -134,4 +134,4 @@ def _bias(offsets: NDArray[np.float64]) -> float:
     if between <= 0:
         return 1.0
     ratio = (between / dof) / (max(within, np.finfo(np.float64).tiny) / spare)
-    return float(stats.f.sf(ratio, dof, spare))
+    return float(f_sf(ratio, dof, spare))

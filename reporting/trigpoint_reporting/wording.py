@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from scipy import stats
-
 from trigpoint.criteria import PRECONDITIONS
+from trigpoint.distributions import chi2_isf
 from trigpoint_reporting.blocks import Cell, Passage, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived, number_text
@@ -90,7 +89,7 @@ def rmse_interval(rmse_dof_m: float, dof: int) -> tuple[float, float]:
     [0.124, 0.298]
     """
     tail = (1 - CONFIDENCE) / 2
-    low, high = (dof / stats.chi2.isf([tail, 1 - tail], dof)) ** 0.5
+    low, high = (dof / chi2_isf([tail, 1 - tail], dof)) ** 0.5
     return float(rmse_dof_m * low), float(rmse_dof_m * high)
 
 
