@@ -84,7 +84,8 @@ def pick_table(
         redundancy, standardised, p_value, suspected and detectable_blunder_m of each pick.
     """
     count = len(shape)
-    shown, axes = np.linalg.eigh(adjustment.redundancy)
+    # svd, here and elsewhere: the bits of eigh depend on threads in the OpenBLAS of older NumPys.
+    axes, shown, _ = np.linalg.svd(adjustment.redundancy)
     blind = shown <= BLIND
     cofactor = np.einsum("nji,njk,nkl->nil", axes, adjustment.residual_covariance(shape), axes)
     cofactor[blind[:, :, None] | blind[:, None, :]] = 0.0
@@ -106,10 +107,10 @@ def pick_table(
 
     # A blunder moves the residual by the redundancy times itself.
     response = np.einsum("ni,nij,nj->nij", shown, weight, shown)
-    least = np.where(blind.any(axis=1), 0.0, np.linalg.eigvalsh(response)[:, 0])
+    least = np.where(blind.any(axis=1), 0.0, np.linalg.svd(response, compute_uv=False)[:, 2])
     limit = noncentrality(BLUNDER_ALPHA, POWER, 3)
     with np.errstate(divide="ignore"):
-        detectable = sigma * np.sqrt(limit / np.maximum(least, 0.0))
+        detectable = sigma * np.sqrt(limit / least)
     if count == 3:
         detectable = np.full(count, np.inf)
     return pd.DataFrame(

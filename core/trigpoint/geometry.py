@@ -130,12 +130,12 @@ def rotation_axes(
     rotation_covariance: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return sigmas (3,) in rad about the principal axes (3, 3; one a row), worst first."""
-    values, vectors = np.linalg.eigh(rotation_covariance)
-    axes = vectors.T[::-1]
+    axes, variances, _ = np.linalg.svd(rotation_covariance)
+    axes = axes.T
     # An axis has no sign of its own: let it point up, or else to the larger of its components.
     lead = np.where(np.abs(axes[:, 2]) > 1e-6, 2, np.argmax(np.abs(axes), axis=1))
     signs = np.sign(axes[np.arange(3), lead])
-    return np.sqrt(np.maximum(values[::-1], 0.0)), axes * signs[:, None]
+    return np.sqrt(variances), axes * signs[:, None]
 
 
 def axis_words(axis: NDArray[np.float64]) -> str:
@@ -178,11 +178,11 @@ def _equal(source: Points, target: Points, names: Sequence[str]) -> list[str]:
 def _alone(adjustment: Adjustment, names: Sequence[str]) -> list[str]:
     if len(names) == 3:  # no pick can be checked, and the statement says so
         return []
-    shown = np.linalg.eigvalsh(adjustment.redundancy)[:, 0]
+    shown = np.linalg.svd(adjustment.redundancy, compute_uv=False)[:, 2]
     worst = int(np.argmin(shown))
     if shown[worst] >= UNCHECKED:
         return []
-    share = 100 * max(float(shown[worst]), 0.0)
+    share = 100 * shown[worst]
     return [
         f"pick {names[worst]} decides alone: {share:.0f} % of an error in its worst direction "
         f"would show in its residual"
