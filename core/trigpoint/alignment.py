@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import comb
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trigpoint.cautions import Caution
 from trigpoint.consensus import MOST_SETS, Consensus, Method, exhaustive, no_consensus, ransac
 from trigpoint.crossvalidation import LeaveOneOut, Procedure, leave_one_out
-from trigpoint.errors import DegeneratePicksError, PicksError
+from trigpoint.errors import ConsensusError, DegeneratePicksError, PicksError
 from trigpoint.picks import Picks, examine, require_control
 from trigpoint.reliability import Reliability, assess
 from trigpoint.similarity import Similarity, are_mirrored
@@ -146,7 +146,21 @@ def align(
         names=inliers.ids,
     )
     if reliability.geometry == "refused":
-        raise DegeneratePicksError(reliability.statement)
+        disagreeing = (
+            _disagreement(control, fits["ransac"], reliability) if method == "all" else None
+        )
+        if disagreeing is None:
+            raise DegeneratePicksError(reliability.statement)
+        # Wrong picks spoil it, not their layout: who asks for every pick gets what they come to.
+        reliability = replace(
+            reliability,
+            geometry="weak",
+            statement=disagreeing.message,
+            cautions=(
+                *(other for other in reliability.cautions if other.code != disagreeing.code),
+                disagreeing,
+            ),
+        )
     loocv = leave_one_out(
         control.source,
         control.target,
@@ -189,6 +203,30 @@ def _weights(control: Picks, first: Consensus) -> NDArray[np.float64]:
     in_target = np.nan_to_num(control.sigma_target) ** 2
     in_source = first.similarity.scale**2 * np.nan_to_num(control.sigma_source) ** 2
     return 1 / (in_target + in_source)
+
+
+def _disagreement(control: Picks, consensus: Procedure, reliability: Reliability) -> Caution | None:
+    """Name the picks without which the others' layout is good enough, if there are such."""
+    try:
+        agreeing = consensus(control.source, control.target, weights=None)
+    except ConsensusError:
+        return None
+    kept = control.take(agreeing.inliers)
+    without = assess(kept.source, kept.target, agreeing.similarity, names=kept.ids)
+    if without.geometry == "refused" or agreeing.inliers.all():
+        return None
+    others = [
+        name for name, agrees in zip(control.ids, agreeing.inliers, strict=True) if not agrees
+    ]
+    message = (
+        f"Weak: every pick was used, as asked, and {len(others)} of {len(control)} disagree with "
+        f"the others by more than {agreeing.threshold:g} m: {', '.join(others[:10])}"
+        f"{' and others' if len(others) > 10 else ''}. One pick comes out good to "
+        f"{reliability.sigma_m:.3g} m per axis and the rotation to "
+        f"{reliability.rotation_sigma_deg.max():.1f}° (one sigma); a consensus would leave them "
+        "out."
+    )
+    return Caution("weak_geometry", message)
 
 
 def _doubts(control: Picks, consensus: Consensus, agrees: bool | None) -> list[Caution]:

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+from trigpoint.alignment import align
 from trigpoint.consensus import exhaustive, no_consensus, ransac
 from trigpoint.crossvalidation import leave_one_out
+from trigpoint.picks import read_picks
 from trigpoint.similarity import are_coplanar, umeyama
 
 
@@ -247,3 +249,17 @@ def test_two_flight_lines_with_all_corners(picks, expected):
     found = no_consensus(source, target)
     assert_same_map(found.similarity, answer, source)
     assert leave_one_out(source, target).rmse_m == pytest.approx(answer["loocv_rmse"], rel=1e-7)
+
+
+def test_herz_jesu_nine_picks_without_a_consensus_come_out_wrong_and_say_so(real_data, expected):
+    answers = expected("herzjesu_even_vs_odd")["picks9_three_outliers"]
+    picks = read_picks(real_data("herzjesu_even_vs_odd/picks9_three_outliers.csv"))
+    found = align(picks, method="all")
+    assert found.similarity.scale == pytest.approx(answers["naive_scale_WRONG"], rel=1e-9)
+    assert found.residuals(picks.control)["d_m"].pow(2).mean() ** 0.5 == pytest.approx(
+        answers["naive_rmse_WRONG"], rel=1e-9
+    )
+    assert found.reliability.geometry == "weak"
+    assert "3 of 9 disagree with the others by more than 0.5 m: x1, x2, x3." in (
+        found.reliability.statement
+    )
