@@ -3,108 +3,482 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkPointPicker
 
 from trigpoint.cloud import PointCloud
-from trigpoint.similarity import Similarity
+from trigpoint.similarity import Points, Similarity
+from trigpoint_panel.camera import CORNER, STANDS, Camera, Face, Position, camera_from
+from trigpoint_panel.colouring import ColourMode, Colours, Legend, coloured, modes_of
+from trigpoint_panel.layer import Layer
+from trigpoint_panel.marks import Marker, Marks
 
-Position = tuple[float, float, float]
-Kind = Literal["control", "check", "off", "ghost", "next"]
-ColourMode = Literal["rgb", "height", "intensity", "class", "distance"]
-Face = Literal["front", "back", "left", "right", "top"]
+# Points drawn while the view moves: ten frames a second without a graphics card.
+COARSE = 100_000
+# Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
+STRAY = 0.5
+# Width of the points in pixels.
+POINT = 2.0
+LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
 
-
-@dataclass(frozen=True, slots=True)
-class Marker:
-    """A numbered place in a view.
-
-    Attributes
-    ----------
-    xyz : tuple of float
-        Absolute, in the cloud's frame.
-    label : str
-        Shown beside it, whatever is in front.
-    kind : str
-        "control", "check", "off", "ghost" (where a pick is expected) or "next" (where to pick).
-    selected : bool
-    """
-
-    xyz: Position
-    label: str
-    kind: Kind = "control"
-    selected: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Camera:
-    """Where a view is seen from, in absolute coordinates of its cloud's frame."""
-
-    position: Position
-    focal_point: Position
-    up: Position
-    view_angle: float = 30.0
-    parallel: bool = False
-    parallel_scale: float = 1.0
-
-    def through(self, similarity: Similarity) -> Camera:
-        """Return the camera that sees the carried cloud as this one sees the cloud itself."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, slots=True)
-class Legend:
-    """How to read a view's colours: a ramp between two values, or named swatches."""
-
-    title: str
-    ramp: tuple[str, ...] = ()
-    low: str = ""
-    high: str = ""
-    swatches: tuple[tuple[str, str], ...] = ()
+# The first pick's cylinder is as wide everywhere as at the focal point; off by more, it is redone.
+OFF = 1.2
 
 
 class Scene:
     """What one view shows; drawn by any PyVista plotter, and kept when that one is replaced.
 
-    Nothing renders here: whoever owns the plotter does, once for each action of the user.
+    Everything that crosses its border is in absolute coordinates of the cloud's frame, in float64;
+    VTK gets float32 about an origin in the middle of the cloud. Nothing renders here: whoever owns
+    the plotter does, once for each action of the user.
+
+    Parameters
+    ----------
+    coarse : int
+        Points drawn while the view moves.
     """
+
+    def __init__(self, *, coarse: int = COARSE) -> None:
+        self.cloud: PointCloud | None = None
+        self.origin = np.zeros(3)
+        self.mode: ColourMode | None = None
+        self.legend: Legend | None = None
+        self._coarse = coarse
+        self._unit = "m"
+        self._local = np.empty((0, 3), np.float32)
+        self._rows: NDArray[np.intp] | None = None
+        self._colours: Colours = np.empty((0, 3), np.uint8)
+        self._distances: NDArray[np.float64] | None = None
+        self._layer: Layer | None = None
+        self._overlay: tuple[PointCloud, Layer, NDArray[np.float64]] | None = None
+        self._similarity: Similarity | None = None
+        self._opacity, self._shows_cloud, self._shows_overlay = 1.0, True, True
+        self._markers: tuple[Marker, ...] = ()
+        self._marks: Marks | None = None
+        self._plotter: Any = None
+        self._ratio, self._size = 1.0, POINT
+        self._eye_dome, self._dark, self._moving = True, False, False
+        self._up: Position = (0.0, 0.0, 1.0)
+        self._camera = camera_from(CORNER, self._up, np.zeros(3), 1.0)
+
+    # The plotter
 
     def attach(self, plotter: Any, *, ratio: float = 1.0) -> None:
         """Draw everything with a plotter from now on; `ratio` is device pixels per pixel."""
-        raise NotImplementedError
+        self.detach()
+        self._plotter, self._ratio = plotter, ratio
+        plotter.suppress_rendering = True
+        self._marks = Marks(self.renderer, ratio)
+        for layer in self._layers():
+            layer.show_in(self.renderer)
+        self.set_point_size(self._size)
+        self.set_eye_dome(self._eye_dome)
+        self.set_dark(self._dark)
+        self._draw_markers()
+        self._aim()
 
-    def show(self, cloud: PointCloud | None) -> None:
-        """Show a cloud in place of the one before, and look at all of it."""
-        raise NotImplementedError
+    def detach(self) -> None:
+        """Let go of the plotter; what is shown is remembered."""
+        if self._plotter is None:
+            return
+        if self._marks is not None:
+            self._marks.clear()
+        for layer in self._layers():
+            layer.leave(self.renderer)
+        self._plotter = self._marks = None
+
+    @property
+    def renderer(self) -> Any:
+        """VTK's renderer."""
+        return self._plotter.renderer
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture in device pixels."""
+        if self._plotter is None:
+            return 400, 300
+        width, height = self._plotter.render_window.GetSize()
+        return max(1, width), max(1, height)
+
+    def _layers(self) -> list[Layer]:
+        overlay = [self._overlay[1]] if self._overlay is not None else []
+        return [*([self._layer] if self._layer is not None else []), *overlay]
+
+    def add_renderer(self, renderer: Any) -> None:
+        """Let another renderer draw the clouds too, without markers."""
+        for layer in self._layers():
+            layer.show_in(renderer)
+
+    def remove_renderer(self, renderer: Any) -> None:
+        """Undo `add_renderer`."""
+        for layer in self._layers():
+            layer.leave(renderer)
+
+    # The cloud
+
+    def show(self, cloud: PointCloud | None, *, unit: str = "m") -> None:
+        """Show a cloud in place of the one before, in its most telling colours; look at it all."""
+        self.cloud, self._unit, self._rows, self._distances = cloud, unit, None, None
+        self.mode, self.legend = None, None
+        if cloud is None or not len(cloud):
+            self.cloud = None
+            self._drop_layer()
+            return
+        middle = np.floor(cloud.xyz.mean(axis=0))
+        self.origin = cloud.origin + middle
+        self._local = _about(cloud.xyz, middle)
+        self._paint(modes_of(cloud)[0])
+        self._draw_layer()
+        self._place_overlay()
+        self._draw_markers()
+        self.fit()
 
     @property
     def modes(self) -> tuple[ColourMode, ...]:
         """What the cloud can be coloured by."""
-        raise NotImplementedError
+        if self.cloud is None:
+            return ()
+        return modes_of(self.cloud, has_distances=self._distances is not None)
 
     def colour_by(self, mode: ColourMode) -> None:
-        """Colour the cloud."""
-        raise NotImplementedError
-
-    def legend(self) -> Legend | None:
-        """Say how to read the colours."""
-        raise NotImplementedError
+        """Colour the cloud by something it has."""
+        if mode in self.modes:
+            self._paint(mode)
+            if self._layer is not None:
+                self._layer.recolour(self._shown(self._colours))
 
     def set_distances(self, distances: NDArray[np.float64] | None) -> None:
-        """Give each shown point a distance in metres to be coloured by."""
-        raise NotImplementedError
+        """Colour by a distance in metres for each point, shape (n,); None takes it away."""
+        self._distances = distances
+        if self.cloud is not None:
+            mode = "distance" if distances is not None else self.mode
+            self.colour_by(mode if mode in self.modes else self.modes[0])
 
     def isolate(self, mask: NDArray[np.bool_] | None) -> None:
         """Show only some of the points; None shows all."""
-        raise NotImplementedError
+        self._rows = None if mask is None else np.flatnonzero(mask)
+        if self.cloud is not None:
+            self._draw_layer()
+
+    def coordinates(self, row: int) -> NDArray[np.float64]:
+        """Return the absolute coordinates of a point, as precise as they were read."""
+        assert self.cloud is not None
+        return np.asarray(self.cloud.xyz[row] + self.cloud.origin, np.float64)
+
+    def around(self, row: int, radius: float) -> Points:
+        """Return the absolute coordinates of the shown points in a box about a point."""
+        assert self.cloud is not None
+        rows = self._boxed(self._local[row], radius)
+        return np.asarray(self.cloud.xyz[rows] + self.cloud.origin, np.float64)
+
+    def _boxed(self, centre: NDArray[np.float32], radius: float) -> NDArray[np.intp]:
+        rows = np.flatnonzero(np.abs(self._local[:, 0] - centre[0]) <= radius)
+        for axis in (1, 2):
+            rows = rows[np.abs(self._local[rows, axis] - centre[axis]) <= radius]
+        return rows if self._rows is None else np.intersect1d(rows, self._rows)
+
+    def _paint(self, mode: ColourMode) -> None:
+        assert self.cloud is not None
+        up = np.asarray(self._up, np.float64)
+        self._colours, self.legend = coloured(
+            self.cloud, mode, up=up, distances=self._distances, unit=self._unit
+        )
+        self.mode = mode
+
+    def _shown(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values if self._rows is None else values[self._rows]
+
+    def _drop_layer(self) -> None:
+        if self._layer is not None and self._plotter is not None:
+            self._layer.leave(self.renderer)
+        self._layer = None
+
+    def _draw_layer(self) -> None:
+        self._drop_layer()
+        shown = self._shown(self._local)
+        if len(shown):
+            self._layer = Layer(shown, self._shown(self._colours), self._coarse)
+            self._layer.set_moving(self._moving)
+            self._layer.set_size(self._size * self._ratio)
+            self._layer.set_visible(self._shows_cloud)
+            if self._plotter is not None:
+                self._layer.show_in(self.renderer)
+
+    # The overlay
+
+    @property
+    def has_overlay(self) -> bool:
+        """Whether another cloud is shown too."""
+        return self._overlay is not None
+
+    def set_overlay(self, cloud: PointCloud | None, similarity: Similarity | None = None) -> None:
+        """Show another cloud too, carried through `similarity` into this frame; None removes it.
+
+        The cloud is uploaded once; another similarity only moves it.
+        """
+        self._similarity = similarity
+        if self._overlay is not None and self._overlay[0] is not cloud:
+            if self._plotter is not None:
+                self._overlay[1].leave(self.renderer)
+            self._overlay = None
+            self._shows_cloud = self._shows_overlay = True
+        if cloud is not None and self._overlay is None:
+            middle = np.floor(cloud.xyz.mean(axis=0))
+            colours, _ = coloured(cloud, modes_of(cloud)[0], up=np.array([0.0, 0.0, 1.0]))
+            layer = Layer(_about(cloud.xyz, middle), colours, self._coarse)
+            layer.set_moving(self._moving)
+            layer.set_size(self._size * self._ratio)
+            self._overlay = cloud, layer, cloud.origin + middle
+            if self._plotter is not None:
+                layer.show_in(self.renderer)
+        self._place_overlay()
+
+    def set_overlay_opacity(self, opacity: float) -> None:
+        """Show the overlay from 0 (not at all) to 1 (fully)."""
+        self._opacity = min(max(opacity, 0.0), 1.0)
+        self._place_overlay()
+
+    def swap(self) -> str:
+        """Show only the cloud, then only the overlay, then both again; say which: A, B, or A+B."""
+        order = {(True, True): (True, False), (True, False): (False, True)}
+        if self._overlay is not None:
+            now = self._shows_cloud, self._shows_overlay
+            self._shows_cloud, self._shows_overlay = order.get(now, (True, True))
+        self._place_overlay()
+        return {(True, False): "A", (False, True): "B"}.get(
+            (self._shows_cloud, self._shows_overlay), "A+B"
+        )
+
+    def _place_overlay(self) -> None:
+        if self._layer is not None:
+            self._layer.set_visible(self._shows_cloud)
+        if self._overlay is None:
+            return
+        _, layer, origin = self._overlay
+        similarity = self._similarity or Similarity(1.0, np.eye(3), np.zeros(3))
+        matrix = np.eye(4)
+        matrix[:3, :3] = similarity.scale * similarity.rotation
+        # Between the two origins, so that nothing large is left for float32.
+        matrix[:3, 3] = similarity(origin[None, :])[0] - self.origin
+        layer.set_matrix(matrix)
+        layer.set_opacity(self._opacity if self._shows_cloud else 1.0)
+        layer.set_visible(self._shows_overlay)
+
+    # How it looks
+
+    def set_point_size(self, pixels: float) -> None:
+        """Set the width of the points in pixels."""
+        self._size = pixels
+        for layer in self._layers():
+            layer.set_size(pixels * self._ratio)
+
+    @property
+    def point_size(self) -> float:
+        """Width of the points in pixels."""
+        return self._size
+
+    def set_eye_dome(self, on: bool) -> None:
+        """Darken the edges in depth, or do not."""
+        self._eye_dome = on
+        if self._plotter is not None:
+            if on:
+                self.renderer.enable_eye_dome_lighting()
+            else:
+                self.renderer.disable_eye_dome_lighting()
+
+    def set_dark(self, dark: bool) -> None:
+        """Choose a dark or a light background."""
+        self._dark = dark
+        if self._plotter is not None:
+            self.renderer.SetBackground(*(DARK if dark else LIGHT))
+
+    def set_moving(self, moving: bool) -> None:
+        """Draw fewer points while the view moves, and all of them when it rests."""
+        self._moving = moving
+        for layer in self._layers():
+            layer.set_moving(moving)
+
+    @property
+    def is_thinned(self) -> bool:
+        """Whether fewer points are drawn while the view moves."""
+        return any(layer.is_thinned for layer in self._layers())
 
     def set_markers(self, markers: Sequence[Marker]) -> None:
         """Show these markers in place of those before."""
-        raise NotImplementedError
+        self._markers = tuple(markers)
+        self._draw_markers()
+
+    def _draw_markers(self) -> None:
+        if self._marks is not None:
+            self._marks.draw(self._markers, self.origin)
+            self._marks.hide_behind(self._is_ahead)
+
+    # The camera
+
+    @property
+    def camera(self) -> Camera:
+        """Where the view is seen from."""
+        return self._camera
+
+    @camera.setter
+    def camera(self, camera: Camera) -> None:
+        self._camera = camera
+        self._aim()
+
+    def set_up(self, up: Position) -> None:
+        """Say which way is up in the cloud's frame; the view turns to it."""
+        if up == self._up:
+            return
+        self._up = up
+        if self.cloud is not None:
+            if self.mode == "height":
+                self.colour_by("height")
+            self._camera = camera_from(CORNER, up, self.origin, 1.0)
+            self.fit()
+
+    @property
+    def up(self) -> Position:
+        """Which way is up."""
+        return self._up
+
+    def look(self, face: Face) -> None:
+        """Look at the whole cloud straight from one side, or from above."""
+        parallel = self._camera.parallel
+        turned = camera_from(STANDS[face], self._up, np.asarray(self._camera.focal_point), 1.0)
+        self._camera = replace(turned, parallel=parallel)
+        self.fit()
+
+    def fit(self) -> None:
+        """Look at the whole cloud from where the camera is turned to; strays are left out."""
+        if self.cloud is None:
+            return
+        sample = self._shown(self._local)
+        sample = sample[:: max(1, len(sample) // 50_000)].astype(np.float64)
+        if not len(sample):
+            return
+        ahead = np.subtract(self._camera.focal_point, self._camera.position)
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, self._camera.up)
+        right /= np.linalg.norm(right)
+        axes = np.array([right, np.cross(right, ahead), ahead])
+        low, high = np.percentile(sample @ axes.T, [STRAY, 100 - STRAY], axis=0)
+        width, height = self.size
+        wide, tall, deep = high - low
+        # What is nearer than the middle looks larger.
+        deep = 0.0 if self._camera.parallel else deep
+        lean = deep * float(np.tan(np.radians(self._camera.view_angle / 2)))
+        needed = 1.08 * max(tall, wide * height / width, 1e-6) + 0.8 * lean
+        middle = self.origin + (low + high) / 2 @ axes
+        self.camera = self._camera.looking_at(middle, needed)
+
+    def _aim(self) -> None:
+        if self._plotter is None:
+            return
+        camera, ours = self.renderer.GetActiveCamera(), self._camera
+        aim(camera, ours, self.origin)
+        self.renderer.ResetCameraClippingRange()
+        if self._marks is not None:
+            self._marks.hide_behind(self._is_ahead)
+
+    def _is_ahead(self, local: NDArray[np.float64]) -> NDArray[np.bool_]:
+        position = np.subtract(self._camera.position, self.origin)
+        ahead = np.subtract(self._camera.focal_point, self._camera.position)
+        return np.asarray((local - position) @ ahead > 0)
+
+    # Pixels
 
     def pick_at(self, x: float, y: float, *, tolerance: float = 5.0) -> int | None:
-        """Return the row of the point seen at a device pixel counted from the bottom left."""
-        raise NotImplementedError
+        """Return the row of the point seen at a place of the picture.
+
+        The front-most surface within the tolerance is found first, and on it the point nearest to
+        the cursor. It needs no rendered frame and no OpenGL.
+
+        Parameters
+        ----------
+        x, y : float
+            Device pixels from the bottom left.
+        tolerance : float
+            Pixels, scaled as the picture is.
+        """
+        if self._layer is None or self._plotter is None or not self._shows_cloud:
+            return None
+        reach = tolerance * self._ratio
+        hit = self._front(x, y, reach)
+        if hit is None:
+            return None
+        # VTK's cylinder is right at the focal point; a hit elsewhere asks for another width.
+        stretch = self._pixel(hit) / self._pixel(None)
+        if not 1 / OFF < stretch < OFF:
+            hit = self._front(x, y, reach * stretch)
+            if hit is None:
+                return None
+        radius = 1.5 * reach * self._pixel(hit)
+        rows = self._boxed(self._local[hit], radius)
+        away = np.hypot(*(self._project(self._local[rows]) - [x, y]).T)
+        best = int(np.argmin(away))
+        return int(rows[best]) if away[best] <= reach else None
+
+    def project(self, xyz: Position | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where absolute places, shape (3,) or (n, 3), are in the picture: device pixels."""
+        places = np.asarray(xyz, np.float64)
+        pixels = self._project(np.atleast_2d(places) - self.origin)
+        return pixels if places.ndim == 2 else pixels[0]
+
+    def _front(self, x: float, y: float, reach: float) -> int | None:
+        assert self._layer is not None
+        actor = self._layer.whole_in(self.renderer)
+        picker = vtkPointPicker()
+        picker.SetTolerance(reach / float(np.hypot(*self.size)))
+        picker.PickFromListOn()
+        picker.AddPickList(actor)
+        # It picks nothing that is hidden, and while the view moves the whole cloud is.
+        visible = actor.GetVisibility()
+        actor.SetVisibility(True)
+        actor.PickableOn()
+        found = picker.Pick(x, y, 0.0, self.renderer)
+        actor.PickableOff()
+        actor.SetVisibility(visible)
+        row = picker.GetPointId()
+        if not found or row < 0:
+            return None
+        return int(row if self._rows is None else self._rows[row])
+
+    def _pixel(self, row: int | None) -> float:
+        """Return the size of a pixel at a point, or at the focal point, in the cloud's units."""
+        camera, height = self._camera, self.size[1]
+        if camera.parallel or row is None:
+            return camera.height / height
+        ahead = np.subtract(camera.focal_point, camera.position) / camera.distance
+        deep = float((self._local[row] + self.origin - camera.position) @ ahead)
+        return camera.height / height * max(deep, 1e-9) / camera.distance
+
+    def _project(self, local: NDArray[Any]) -> NDArray[np.float64]:
+        width, height = self.size
+        camera = self.renderer.GetActiveCamera()
+        matrix = camera.GetCompositeProjectionTransformMatrix(width / height, -1, 1)
+        rows = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+        ends = np.column_stack([local, np.ones(len(local))]) @ rows.T
+        pixels = ends[:, :2] / ends[:, 3:]
+        return np.asarray((pixels + 1) / 2 * [width, height], np.float64)
+
+
+def aim(vtk_camera: Any, camera: Camera, origin: NDArray[np.float64]) -> None:
+    """Set one of VTK's cameras, which counts about an origin."""
+    vtk_camera.SetParallelProjection(camera.parallel)
+    vtk_camera.SetViewAngle(camera.view_angle)
+    vtk_camera.SetParallelScale(camera.parallel_scale)
+    vtk_camera.SetFocalPoint(*np.subtract(camera.focal_point, origin))
+    vtk_camera.SetPosition(*np.subtract(camera.position, origin))
+    vtk_camera.SetViewUp(*camera.up)
+
+
+def _about(xyz: Points, middle: NDArray[np.float64]) -> NDArray[np.float32]:
+    local = np.empty(xyz.shape, np.float32)
+    for axis in range(3):
+        # The difference in float64 first: at UTM coordinates float32 has steps of half a metre.
+        local[:, axis] = xyz[:, axis] - middle[axis]
+    return local
