@@ -1,9 +1,10 @@
 import datetime as dt
+import tomllib
 
 import pytest
 
 from trigpoint.errors import ProjectError
-from trigpoint.project import read_project
+from trigpoint.project import project_from, read_project
 
 WHOLE = """
 [project]
@@ -150,3 +151,12 @@ def test_a_link_does_not_lead_out_of_the_folder(written, tmp_path):
 def test_a_missing_file_is_one_clear_error(tmp_path):
     with pytest.raises(ProjectError, match=r"project\.toml can't be read"):
         read_project(tmp_path / "project.toml")
+
+
+def test_tables_that_were_never_a_file_are_checked_alike(tmp_path):
+    tables = tomllib.loads(WHOLE)
+    (tmp_path / "project.toml").write_text(WHOLE)
+    made = project_from(tables, tmp_path / "project.toml")
+    assert made == read_project(tmp_path / "project.toml")
+    with pytest.raises(ProjectError, match=r"\[alignment\] threshold_m"):
+        project_from(tables | {"alignment": {"threshold_m": 0}}, tmp_path / "project.toml")

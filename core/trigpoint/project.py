@@ -164,6 +164,25 @@ def read_project(path: str | Path) -> Project:
         message = f"{path.name} is not valid TOML: {error}."
         raise ProjectError(message) from error
 
+    return project_from(tables, path)
+
+
+def project_from(tables: Mapping[str, Any], path: str | Path) -> Project:
+    """Check the tables of a project file, read or made, as `read_project` does.
+
+    Parameters
+    ----------
+    tables : mapping
+        As TOML has them.
+    path : path
+        Of the file that they are, or are to be, in: its folder is what paths are relative to.
+
+    Raises
+    ------
+    ProjectError
+        As `read_project` does, but for reading the file.
+    """
+    path = Path(path).absolute()
     known = (
         "project",
         "reference",
