@@ -12,23 +12,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
+from trigpoint.picks import examine, read_picks, write_picks
+from trigpoint.project import Project
 from trigpoint.similarity import Similarity
-from trigpoint_panel.operators import Repeatability
+from trigpoint_panel.exchange import read_point_list, write_point_list, write_points_file
+from trigpoint_panel.operators import Repeatability, repeatability, second_round, with_sigmas
 from trigpoint_panel.pairs import (
     ROLES,
+    SIDES,
     Pair,
     Pairs,
     Place,
     Role,
     Side,
+    complete,
     exchanged,
     find,
+    from_picks,
     next_id,
     refuse_taken,
+    to_picks,
     waiting,
     without,
 )
-from trigpoint_panel.state import State, question, with_given, with_paths_of
+from trigpoint_panel.projects import reference_crs
+from trigpoint_panel.state import Adopted, State, question, with_given, with_paths_of
 from trigpoint_panel.statistics import Fit, Survey, fit_pairs
 
 # A click further from its ghost than this many RMSE, and than this, deserves a word.
@@ -260,9 +268,9 @@ class Model:
         reference = replace(self._state.project.reference, **changes)
         self._change_project("Change reference details", reference=reference)
 
-    def set_project_path(self, path: Path) -> None:
-        """Say which project.toml the session belongs to, once it is written there."""
-        self._set(replace(self._state, project=replace(self._state.project, path=path)))
+    def set_project(self, project: Project) -> None:
+        """Say which project.toml the session belongs to, once it is written; it is no step."""
+        self._set(replace(self._state, project=project))
 
     def mark_reported(self) -> None:
         """Remember that a report was made of what the session holds now."""
@@ -449,45 +457,144 @@ class Model:
     def import_picks(self, path: Path | str, *, replacing: bool = False) -> tuple[str, ...]:
         """Add the pairs of a picks.csv, or take them in place of the current ones.
 
-        Returns doubts, a sentence each; raises PicksError in a sentence, also for what is a list
-        of another program.
+        Returns
+        -------
+        tuple of str
+            Doubts, a sentence each.
+
+        Raises
+        ------
+        TrigpointError
+            In a sentence, also for what another program's list is; or if an id is taken.
         """
-        raise NotImplementedError
+        self._refuse_second_operator()
+        picks = read_picks(path, crs=reference_crs(self._state.project))
+        added = from_picks(picks)
+        kept = () if replacing else self._state.pairs
+        taken = sorted({pair.id for pair in kept} & {pair.id for pair in added})
+        if taken:
+            message = (
+                f"{', '.join(taken[:5])} {'is' if len(taken) == 1 else 'are'} there already: "
+                f"rename, or import in place of the current pairs."
+            )
+            raise PicksError(message)
+        self._step(f"Import {Path(path).name}", pairs=(*kept, *added))
+        return tuple(caution.message for caution in (*picks.cautions, *examine(picks)))
 
     def import_points(self, path: Path | str, side: Side) -> tuple[str, ...]:
-        """Fill the halves of one side from a CloudCompare picking list, by name, else in order."""
-        raise NotImplementedError
+        """Fill the halves of one side from a CloudCompare picking list.
+
+        A point goes to the pair of its name, else to the first pair whose half is open, else it
+        begins a pair. Coordinates are source units, or metres.
+
+        Returns
+        -------
+        tuple of str
+            The ids of the pairs filled, in the list's order.
+
+        Raises
+        ------
+        PicksError
+            In a sentence, if the file is no such list; the pairs are as they were.
+        """
+        self._refuse_second_operator()
+        pairs, filled = self._state.pairs, []
+        for point in read_point_list(path):
+            pair = find(pairs, point.name)
+            if pair is None and not point.name:
+                pair = next((each for each in pairs if each.at(side) is None), None)
+            if pair is None:
+                pair = Pair(point.name or next_id(pairs))
+                pairs = (*pairs, pair)
+            placed = pair.placed(side, point.xyz, note=f"from {Path(path).name}")
+            pairs = exchanged(pairs, pair.id, placed)
+            filled.append(pair.id)
+        self._step(f"Import {Path(path).name} as {side}", pairs=pairs)
+        return tuple(filled)
 
     def export_picks(self, path: Path | str) -> tuple[Path, ...]:
         """Write the complete pairs: .csv for the engine, .points for QGIS, .txt for CloudCompare.
 
-        QGIS's file holds the plan only; CloudCompare's are two lists, one a side. Returns the
-        files written.
+        QGIS's file holds the plan only; CloudCompare's are two lists, one a side.
+
+        Returns
+        -------
+        tuple of Path
+            The files written.
+
+        Raises
+        ------
+        TrigpointError
+            If there is nothing to write, or no way to.
         """
-        raise NotImplementedError
+        path = Path(path)
+        pairs, crs = self._state.first or self._state.pairs, reference_crs(self._state.project)
+        if not complete(pairs):
+            message = "There is no complete pair to export."
+            raise PicksError(message)
+        if path.suffix.lower() == ".csv":
+            write_picks(path, to_picks(pairs), crs=crs)
+            return (path,)
+        if path.suffix.lower() == ".points":
+            write_points_file(path, pairs, crs)
+            return (path,)
+        if path.suffix.lower() != ".txt":
+            message = (
+                f"Pairs are written as .csv (trigpoint), .points (QGIS) or .txt (CloudCompare), "
+                f"not as {path.suffix or path.name}."
+            )
+            raise PicksError(message)
+        written = tuple(path.with_stem(f"{path.stem}-{side}") for side in SIDES)
+        for side, each in zip(SIDES, written, strict=True):
+            write_point_list(each, pairs, side)
+        return written
 
     def begin_second_operator(self) -> None:
         """Hide the pairs, and have a second operator pick the same places again."""
-        raise NotImplementedError
+        self._refuse_second_operator()
+        blank = second_round(self._state.pairs)
+        self._step(
+            "Begin second operator", first=self._state.pairs, pairs=blank, selected=blank[0].id
+        )
 
     def end_second_operator(self, *, adopt: bool) -> Repeatability:
         """Bring the first operator's pairs back, and say how far two picks of a place lie apart.
 
-        With `adopt` the pairs that state no sigma take the picking sigma found.
+        Parameters
+        ----------
+        adopt : bool
+            Whether the pairs that state no sigma take the picking sigma found.
+
+        Raises
+        ------
+        PicksError
+            If no second operator is picking.
         """
-        raise NotImplementedError
+        first = self._first_operator()
+        found = repeatability(first, self._state.pairs)
+        pairs = with_sigmas(first, found) if adopt else first
+        self._step("End second operator", pairs=pairs, first=None)
+        return found
 
     def cancel_second_operator(self) -> None:
-        """Bring the first operator's pairs back, and forget the second's."""
-        raise NotImplementedError
+        """Bring the first operator's pairs back, and forget the second's.
+
+        Raises
+        ------
+        PicksError
+            If no second operator is picking.
+        """
+        self._step("Cancel second operator", pairs=self._first_operator(), first=None)
 
     def adopt(self, similarity: Similarity) -> None:
         """Show and save the fit as ICP refined it, until a pair changes; the audit is as ever."""
-        raise NotImplementedError
+        flat = (*similarity.rotation.ravel().tolist(),)
+        adopted = Adopted(similarity.scale, flat, (*similarity.translation.tolist(),))
+        self._step("Adopt ICP", adopted=adopted)
 
     def discard_adopted(self) -> None:
         """Go back to the fit."""
-        raise NotImplementedError
+        self._step("Discard ICP", adopted=None)
 
     # How it is done ----------------------------------------------------------------------------
 
@@ -518,6 +625,17 @@ class Model:
             message = f"There is no pair {name!r}."
             raise PicksError(message)
         return pair
+
+    def _first_operator(self) -> Pairs:
+        if self._state.first is None:
+            message = "No second operator is picking."
+            raise PicksError(message)
+        return self._state.first
+
+    def _refuse_second_operator(self) -> None:
+        if self._state.is_second_operator:
+            message = "A second operator is picking: end that round first."
+            raise PicksError(message)
 
     def _doubt(self, pair: Pair | None, side: Side, place: Place) -> str:
         """Say what is doubtful about a pick before it is made."""

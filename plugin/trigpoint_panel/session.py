@@ -1,84 +1,245 @@
-"""A session's file: what is saved, found again after a crash, and missed when it has moved."""
+"""A session's files: saved, autosaved, recovered after a crash, and its project.toml."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import uuid
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from trigpoint.errors import TrigpointError
+from trigpoint.canonical import write_text
+from trigpoint_panel.documents import (
+    Fingerprints,
+    Opened,
+    SessionError,
+    document_text,
+    read_document,
+)
 from trigpoint_panel.model import Model
-from trigpoint_panel.state import State
+from trigpoint_panel.projects import state_from_project, write_project
+from trigpoint_panel.state import NOWHERE, State
+
+SUFFIX = ".trig.json"
 
 
-class SessionError(TrigpointError, ValueError):
-    """A session can't be read or written."""
+def read_session(path: Path | str, *, reconstruction: str = "") -> Opened:
+    """Read a session, its autosave, or a project.toml; inputs are hashed, which can take seconds.
 
-    code = "session"
-
-
-@dataclass(frozen=True, slots=True)
-class Opened:
-    """What a session file or a project.toml holds.
-
-    Attributes
+    Parameters
     ----------
-    state : State
-    cameras : dict
-        Of each view, as it was saved; the panel's own business.
-    doubts : tuple of str
-        A sentence for each file that has moved or changed since.
+    path : path
+    reconstruction : str
+        Of a project.toml: which is the source; by default the first with picks.
+
+    Raises
+    ------
+    TrigpointError
+        In one sentence, if it can't be used.
     """
-
-    state: State
-    cameras: dict[str, Any]
-    doubts: tuple[str, ...]
-
-
-def read_session(path: Path | str) -> Opened:
-    """Read a .trig.json; raises SessionError in one sentence."""
-    raise NotImplementedError
+    path = Path(path).absolute()
+    if path.suffix.lower() != ".toml":
+        return read_document(path)
+    state, doubts = state_from_project(path, reconstruction=reconstruction)
+    return Opened(state, {}, doubts, None, Fingerprints())
 
 
 class Session:
-    """Where a model is kept: its file, its autosave beside it (``<session>~``), its cameras."""
+    """Where a model is kept: its file, its autosave beside it (``<session>~``), its cameras.
+
+    Attributes
+    ----------
+    model : Model
+    path : Path or None
+        Of the session's file; None until it is saved.
+    cameras : dict
+        Of each view, as JSON can hold it: saved, and given back.
+    """
 
     def __init__(self, model: Model, *, scratch: Path) -> None:
-        """Keep a model; what has no file yet is autosaved in the folder `scratch`."""
+        """Keep a model; what has no writable file yet is autosaved in the folder `scratch`."""
         self.model = model
-        self.scratch = scratch
         self.path: Path | None = None
         self.cameras: dict[str, Any] = {}
+        self._scratch = scratch
+        # Two windows without a file do not share an autosave.
+        self._unsaved = scratch / f"unsaved-{uuid.uuid4().hex[:8]}{SUFFIX}~"
+        self._known = Fingerprints()
+        self._saved: State | None = _content(model.state)
+        self._autosaved: set[Path] = set()
 
     @property
     def is_modified(self) -> bool:
         """Whether there is something to save."""
-        raise NotImplementedError
+        return _content(self.model.state) != self._saved
+
+    @property
+    def name(self) -> str:
+        """What to call it in a title: its file's name, its project's, or untitled."""
+        if self.path is not None:
+            return self.path.name
+        path = self.model.state.project.path
+        return "untitled" if path == NOWHERE else path.name
 
     def open(self, path: Path | str) -> tuple[str, ...]:
-        """Open a .trig.json or a project.toml into the model; returns doubts, a sentence each."""
-        raise NotImplementedError
+        """Open a session or a project.toml into the model; return doubts, a sentence each.
+
+        Raises
+        ------
+        TrigpointError
+            If it can't be used; the model is as it was.
+        """
+        return self.take(read_session(path), path)
+
+    def take(self, opened: Opened, path: Path | str) -> tuple[str, ...]:
+        """Take over what `read_session` read, in a worker perhaps, from `path`."""
+        self.discard_autosave()
+        path = Path(path).absolute()
+        self.path = None if path.suffix.lower() == ".toml" else path
+        self._take(opened)
+        self._saved = _content(self.model.state)
+        return opened.doubts
 
     def save(self, path: Path | str | None = None) -> None:
-        """Save to `path`, by default where it was saved before; the autosave goes."""
-        raise NotImplementedError
+        """Save to `path`, by default where it was saved before; the autosave goes.
+
+        Raises
+        ------
+        SessionError
+            If there is no path yet, or it can't be written.
+        """
+        to = self.path if path is None else Path(path).absolute()
+        if to is None:
+            message = "This session has no file yet: give it one."
+            raise SessionError(message)
+        self._write(to)
+        self.path = to
+        self._saved = _content(self.model.state)
+        self.discard_autosave()
 
     def autosave(self) -> str:
-        """Write ``<session>~`` (or into `scratch`); never raises: returns a sentence or empty."""
-        raise NotImplementedError
+        """Write ``<session>~``, or into the scratch folder where that can't be; never raises.
+
+        Files are not hashed anew, so that it takes milliseconds after every change.
+
+        Returns
+        -------
+        str
+            Why nothing could be kept, in one sentence; empty if it was.
+        """
+        if not self.is_modified:
+            self.discard_autosave()
+            return ""
+        said = ""
+        for place in (*([_beside(self.path)] if self.path else []), self._unsaved):
+            try:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                self._write(place, autosaving=True)
+            except (OSError, SessionError) as error:
+                said = f"Changes are not autosaved: {error}"
+                continue
+            self._autosaved.add(place)
+            return ""
+        return said
 
     def discard_autosave(self) -> None:
-        """Remove the autosave: the session is saved, or is given up."""
-        raise NotImplementedError
+        """Remove what was autosaved: the session is saved, or given up."""
+        for place in self._autosaved:
+            try:
+                place.unlink(missing_ok=True)
+            except OSError:
+                continue  # a folder that has become read-only keeps it
+        self._autosaved.clear()
 
     def recoverable(self, path: Path | str | None = None) -> tuple[Path, ...]:
-        """Return autosaves newer than the session at `path`, or those in `scratch`."""
-        raise NotImplementedError
+        """Return autosaves that a crash left, newest first: of the session at `path`, or unsaved.
+
+        Those of this session itself are not among them.
+        """
+        if path is not None:
+            places = [_beside(Path(path).absolute())]
+        else:
+            places = sorted(self._scratch.glob(f"*{SUFFIX}~"))
+        found = [
+            (place.stat().st_mtime, place)
+            for place in places
+            if place.is_file() and place not in self._autosaved
+        ]
+        return tuple(place for _, place in sorted(found, reverse=True))
 
     def recover(self, autosave: Path) -> tuple[str, ...]:
-        """Take an autosave over into the model, modified, under the session's own path."""
-        raise NotImplementedError
+        """Take an autosave over, as unsaved changes of the session that it was made of.
+
+        Raises
+        ------
+        SessionError
+            If it can't be used; the model is as it was.
+        """
+        opened = read_document(autosave)
+        self.discard_autosave()
+        self.path = opened.saved_as
+        self._take(opened)
+        self._saved = None
+        self._autosaved.add(autosave)
+        return opened.doubts
+
+    def give_up(self, autosave: Path) -> None:
+        """Remove an autosave that nobody wants back."""
+        autosave.unlink(missing_ok=True)
 
     def write_project(self, path: Path | str | None = None) -> Path:
-        """Write project.toml and picks.csv that `trigpoint audit` takes; return project.toml."""
-        raise NotImplementedError
+        """Write the project.toml and picks.csv that `trigpoint audit` takes; return project.toml.
+
+        Parameters
+        ----------
+        path : path, optional
+            By default the session's project.toml, else the one beside its file.
+
+        Raises
+        ------
+        TrigpointError
+            See `trigpoint_panel.projects.write_project`; also if no place is known.
+        """
+        known = self.model.state.project.path
+        if path is None and known != NOWHERE:
+            path = known
+        elif path is None and self.path is not None:
+            path = self.path.with_name(f"{self.path.name.removesuffix(SUFFIX)}.toml")
+        if path is None:
+            message = "This session has no file yet: save it first, the project goes beside it."
+            raise SessionError(message)
+        unchanged = not self.is_modified
+        project = write_project(self.model.state, path)
+        self.model.set_project(project)
+        if unchanged:
+            self._saved = _content(self.model.state)
+        return project.path
+
+    def _take(self, opened: Opened) -> None:
+        self.cameras = opened.cameras
+        self._known = opened.fingerprints
+        self.model.load(opened.state)
+
+    def _write(self, to: Path, *, autosaving: bool = False) -> None:
+        text = document_text(
+            self.model.state,
+            to.parent,
+            cameras=self.cameras,
+            similarity=self.model.similarity,
+            fingerprints=self._known,
+            hashing=not autosaving,
+            saved_as=self.path if autosaving else None,
+        )
+        try:
+            write_text(to, text)
+        except OSError as error:
+            message = f"{to.name} can't be written: {error.strerror or error}."
+            raise SessionError(message) from error
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.name}~")
+
+
+def _content(state: State) -> State:
+    """Return what of a state is worth a question on closing: selecting is not."""
+    return replace(state, selected=None)

@@ -1,0 +1,128 @@
+"""Points as other programs list them: CloudCompare picking lists, QGIS georeferencer points."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyproj
+
+from trigpoint.canonical import write_text
+from trigpoint.errors import PicksError
+from trigpoint.picks import FARTHEST
+from trigpoint_panel.pairs import Pairs, Place, Side, complete
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A point of a list: its name, empty where the list has none, and its place."""
+
+    name: str
+    xyz: Place
+
+
+def is_point_list(path: Path | str) -> bool:
+    """Whether a file reads as the points of one cloud, rather than as pairs."""
+    try:
+        return bool(read_point_list(path))
+    except PicksError:
+        return False
+
+
+def read_point_list(path: Path | str) -> tuple[Point, ...]:
+    """Read a picking list of CloudCompare: ``name,x,y,z`` or ``x,y,z`` a line.
+
+    Separated by commas, semicolons, tabs or blanks; a header and comments (``//``, ``#``) are
+    passed over.
+
+    Raises
+    ------
+    PicksError
+        If the file can't be read, or a line is no point.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        message = f"{path.name} can't be read: {error.strerror or error}."
+        raise PicksError(message) from error
+    except UnicodeDecodeError as error:
+        message = f"{path.name} is not UTF-8 text (at byte {error.start})."
+        raise PicksError(message) from error
+    points: list[Point] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        bare = line.strip()
+        if not bare or bare.startswith(("//", "#")):
+            continue
+        cells = _cells(bare)
+        place = _place(cells[-3:]) if len(cells) in (3, 4) else None
+        if place is not None:
+            points.append(Point(cells[0] if len(cells) == 4 else "", place))
+        elif points or not _is_header(cells):
+            message = f"{path.name}, line {number} is no point: it needs a name, x, y and z."
+            raise PicksError(message)
+    if not points:
+        message = f"{path.name} holds no points."
+        raise PicksError(message)
+    return tuple(points)
+
+
+def write_point_list(path: Path, pairs: Pairs, side: Side) -> None:
+    """Write one side of the complete pairs as a list that CloudCompare opens: ``name,x,y,z``.
+
+    Raises
+    ------
+    PicksError
+        If the file can't be written.
+    """
+    rows = [(re.sub(r"[\s,;]+", "_", pair.id), *(pair.at(side) or ())) for pair in complete(pairs)]
+    _write(path, "".join(f"{name},{x!r},{y!r},{z!r}\n" for name, x, y, z in rows))
+
+
+def write_points_file(path: Path, pairs: Pairs, crs: pyproj.CRS | None) -> None:
+    """Write the complete pairs as QGIS's georeferencer has them: the plan only, heights are lost.
+
+    Raises
+    ------
+    PicksError
+        If the file can't be written.
+    """
+    lines = [] if crs is None else [f"#CRS: {' '.join(crs.to_wkt().split())}"]
+    lines.append("mapX,mapY,sourceX,sourceY,enable,dX,dY,residual")
+    for pair in complete(pairs):
+        if pair.source is not None and pair.target is not None:
+            place = (*pair.target[:2], *pair.source[:2])
+            enabled = int(pair.role == "control")
+            lines.append(f"{','.join(repr(value) for value in place)},{enabled},0,0,0")
+    _write(path, "\n".join(lines) + "\n")
+
+
+def _cells(line: str) -> list[str]:
+    delimiter = next((mark for mark in ",;\t" if mark in line), None)
+    if delimiter is None:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=delimiter))]
+
+
+def _is_header(cells: list[str]) -> bool:
+    return [cell.lower() for cell in cells[-3:]] == ["x", "y", "z"]
+
+
+def _place(cells: list[str]) -> Place | None:
+    try:
+        x, y, z = (float(cell) for cell in cells)
+    except ValueError:
+        return None
+    # NaN is not below anything either.
+    return (x, y, z) if all(abs(value) <= FARTHEST for value in (x, y, z)) else None
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        write_text(path, text)
+    except OSError as error:
+        message = f"{path.name} can't be written: {error.strerror or error}."
+        raise PicksError(message) from error
