@@ -19,6 +19,8 @@ from trigpoint.project import Project
 from trigpoint_panel.jobs import Tick
 
 RUN = "from trigpoint_reporting.cli import main; main()"
+# A host such as QGIS sets these for its own Python; another interpreter would trip over them.
+OF_THE_HOST = ("PYTHONHOME", "PYTHONPATH")
 # Seconds that a process which was asked to stop gets to clear away what it has half written.
 GRACE = 3.0
 # Shares of an audit's time: until the report, and each of the report's steps.
@@ -92,6 +94,7 @@ def audit(tick: Tick, python: Sequence[str], project: Project) -> Audited:
         text=True,
         encoding="utf-8",
         errors="replace",
+        env={name: value for name, value in os.environ.items() if name not in OF_THE_HOST},
         # A group of its own: the report's kernel is a grandchild, and must go with it.
         start_new_session=os.name == "posix",
     )

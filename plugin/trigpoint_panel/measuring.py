@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from trigpoint.alignment import Alignment
 from trigpoint.cloud import PointCloud
 from trigpoint.comparison import Comparison, measure
-from trigpoint.crs import parse_crs
 from trigpoint.errors import ProjectError
-from trigpoint.files import describe
 from trigpoint.nearest import nearest
 from trigpoint.pipeline import try_icp
 from trigpoint.preparation import Reference, Thinned, prepare, thin
@@ -21,10 +19,8 @@ from trigpoint.similarity import Similarity
 from trigpoint.surface import Surface
 from trigpoint.trial import Trial
 from trigpoint_panel.jobs import Tick
+from trigpoint_panel.projects import reference_crs
 from trigpoint_panel.state import State
-
-# Colours run to this percentile: a few strays must not make everything else look alike.
-CLIP_PCT = 98
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +35,6 @@ class Findings:
         region.
     source_zone, target_zone : ndarray of shape (n,) and (m,)
         Position of each shown point's zone in `comparison.zones.names`.
-    limit_m : float
-        The 98th percentile of both: where the shared legend ends.
     """
 
     comparison: Comparison
@@ -48,7 +42,6 @@ class Findings:
     target_m: NDArray[np.float64]
     source_zone: NDArray[np.intp]
     target_zone: NDArray[np.intp]
-    limit_m: float
 
 
 class Bench:
@@ -89,8 +82,6 @@ class Bench:
         local = shown_target.about(origin).xyz
         target_m = nearest(local, thinned.cloud.xyz)
         target_m[~np.isfinite(target_m)] = np.nan
-        both = np.concatenate([source_m, target_m])
-        both = both[np.isfinite(both)]
         zones = reference.zones
         return Findings(
             comparison,
@@ -98,7 +89,6 @@ class Bench:
             target_m,
             zones.of(carried.xyz[:, 2] + origin[2]),
             zones.of(local[:, 2] + origin[2]),
-            float(np.percentile(both, CLIP_PCT)) if len(both) else 1.0,
         )
 
     def try_icp(self, tick: Tick, state: State, alignment: Alignment) -> Trial:
@@ -127,14 +117,13 @@ class Bench:
         reference = self._reference
         if reference is None or asked != self._asked:
             tick(0.0, f"Reading {target.name}")
-            crs = given.crs or describe(target).crs
             reference = prepare(
                 target,
                 voxel=settings.voxel_m,
                 zones=settings.zones,
                 margin=settings.margin_m,
                 region=given.region,
-                crs=parse_crs(crs, vertical=given.vertical_crs or None),
+                crs=reference_crs(state.project),
             )
             self._reference, self._surface, self._asked = reference, None, asked
         tick(0.3, f"Reading {source.name}")

@@ -1,0 +1,132 @@
+"""What the tabs at the side are made of: sections, rows, sentences, and fields that keep quiet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from qtpy.QtCore import QObject, QSignalBlocker, Qt
+from qtpy.QtWidgets import (
+    QFormLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+
+class Tab(QScrollArea):
+    """A column of sections that scrolls where there is too little room."""
+
+    def __init__(self, name: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName(name)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setWidgetResizable(True)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.inside = QWidget(self)
+        self.column = QVBoxLayout(self.inside)
+        self.column.setContentsMargins(10, 8, 10, 10)
+        self.column.setSpacing(6)
+        self.setWidget(self.inside)
+
+    def heading(self, text: str) -> QLabel:
+        """Add a section's heading."""
+        label = QLabel(text, self.inside)
+        label.setProperty("role", "heading")
+        if self.column.count():
+            self.column.addSpacing(6)
+        self.column.addWidget(label)
+        return label
+
+    def sentence(self, text: str = "", *, faint: bool = False) -> QLabel:
+        """Add a sentence that wraps, and that can be selected and copied."""
+        label = QLabel(text, self.inside)
+        label.setTextFormat(Qt.TextFormat.PlainText)
+        label.setWordWrap(True)
+        label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        if faint:
+            label.setProperty("role", "faint")
+        self.column.addWidget(label)
+        return label
+
+    def form(self) -> QFormLayout:
+        """Add rows of a name and a field."""
+        form = QFormLayout()
+        form.setContentsMargins(0, 0, 0, 0)
+        form.setHorizontalSpacing(8)
+        form.setVerticalSpacing(4)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.DontWrapRows)
+        self.column.addLayout(form)
+        return form
+
+    def buttons(self, *named: tuple[str, Callable[[], object]]) -> list[QPushButton]:
+        """Add a row of buttons."""
+        row = QHBoxLayout()
+        row.setSpacing(6)
+        made = []
+        for text, act in named:
+            button = QPushButton(text, self.inside)
+            button.clicked.connect(lambda *_, act=act: act())
+            row.addWidget(button)
+            made.append(button)
+        row.addStretch(1)
+        self.column.addLayout(row)
+        return made
+
+
+def say(label: QLabel, text: str, level: str = "") -> None:
+    """Change a sentence and its level; an empty one takes no room."""
+    label.setText(text)
+    label.setVisible(bool(text))
+    if label.property("level") != level:
+        label.setProperty("level", level)
+        label.style().unpolish(label)
+        label.style().polish(label)
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Read numbers between commas, semicolons or blanks.
+
+    Raises
+    ------
+    ValueError
+        If one of them is none.
+
+    Examples
+    --------
+    >>> numbers("0.05, 0.10; 0.2")
+    (0.05, 0.1, 0.2)
+    """
+    return tuple(float(word) for word in text.replace(",", " ").replace(";", " ").split())
+
+
+def listed(values: Sequence[float]) -> str:
+    """Write numbers so that `numbers` reads them again."""
+    return ", ".join(f"{value:g}" for value in values)
+
+
+@contextmanager
+def quietly(*objects: QObject) -> Iterator[None]:
+    """Change fields without their telling anyone."""
+    blockers = [QSignalBlocker(each) for each in objects]
+    try:
+        yield
+    finally:
+        for blocker in blockers:
+            blocker.unblock()
+
+
+def show_text(field: QLineEdit, text: str) -> None:
+    """Put text into a field, unless it is there or being typed over."""
+    if field.text() != text and not (field.hasFocus() and field.isModified()):
+        with quietly(field):
+            field.setText(text)
+            field.setCursorPosition(0)

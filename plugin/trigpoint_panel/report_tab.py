@@ -1,0 +1,151 @@
+"""The Report tab: who and what for, the audit in a process of its own, and what it left."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from qtpy.QtCore import Signal
+from qtpy.QtWidgets import QCheckBox, QComboBox, QLineEdit, QPlainTextEdit, QSpinBox, QWidget
+
+from trigpoint_panel.auditing import Audited
+from trigpoint_panel.forms import Tab, quietly, say, show_text
+from trigpoint_panel.model import Model
+
+FIELDS = {
+    "title": "Title",
+    "site": "Site",
+    "client": "Client",
+    "surveyor": "Surveyor",
+    "organisation": "Organisation",
+    "purpose": "Purpose",
+}
+LEVELS = {"PASS": "success", "CONDITIONAL": "warning", "FAIL": "error", "NOT TESTED": ""}
+
+
+class ReportTab(Tab):
+    """What the report says of the project, and the way to it.
+
+    Attributes
+    ----------
+    report_wanted : Signal()
+    document_wanted : Signal(object)
+        The path of a document or folder that is to be opened.
+    """
+
+    report_wanted = Signal()
+    document_wanted = Signal(object)
+
+    def __init__(self, model: Model, parent: QWidget | None = None) -> None:
+        super().__init__("report", parent)
+        self._model = model
+        self._audited: Audited | None = None
+
+        self.heading("Audit and report")
+        self.about = self.sentence(
+            "The same audit as the command trigpoint audit: project.toml and picks.csv are "
+            "written, and the report made of them.",
+            faint=True,
+        )
+        (self.make,) = self.buttons(("Make the report", self.report_wanted.emit))
+        self.opens = QCheckBox("Open it when it is done", self.inside)
+        self.opens.setChecked(True)
+        self.column.addWidget(self.opens)
+        self.verdict = self.sentence()
+        self.place = self.sentence(faint=True)
+        self.html, self.pdf, self.folder = self.buttons(
+            ("Report", partial(self._open, "report.html")),
+            ("PDF", partial(self._open, "report.pdf")),
+            ("Folder", partial(self._open, "")),
+        )
+
+        self.heading("What the report says")
+        form = self.form()
+        self.identity = QLineEdit(self.inside)
+        self.identity.setToolTip("Names the bundle: letters, digits, '.', '_' and '-'.")
+        form.addRow("Id", self.identity)
+        self.fields = {key: QLineEdit(self.inside) for key in FIELDS}
+        for key, label in FIELDS.items():
+            form.addRow(label, self.fields[key])
+        self.status = QComboBox(self.inside)
+        self.status.addItems(["draft", "issued"])
+        self.status.setToolTip("What is issued is never overwritten.")
+        form.addRow("Status", self.status)
+        self.revision = QSpinBox(self.inside)
+        self.revision.setRange(1, 9999)
+        self.revision.setKeyboardTracking(False)
+        form.addRow("Revision", self.revision)
+        self.limitations = QPlainTextEdit(self.inside)
+        self.limitations.setAccessibleName("Limitations")
+        self.limitations.setPlaceholderText("Limitations, in a person's words")
+        self.limitations.setTabChangesFocus(True)
+        self.limitations.setFixedHeight(4 * self.fontMetrics().height() + 10)
+        form.addRow(self.limitations)
+        self.column.addStretch(1)
+
+        self.identity.editingFinished.connect(partial(self._set, "id", self.identity))
+        for key, field in self.fields.items():
+            field.editingFinished.connect(partial(self._set, key, field))
+        self.status.currentTextChanged.connect(lambda text: model.set_about(status=str(text)))
+        self.revision.valueChanged.connect(lambda n: model.set_about(revision=int(n)))
+        self.refresh(can_run=False)
+
+    def refresh(self, *, can_run: bool) -> None:
+        """Take over what the model holds now; `can_run`: clouds are there, nothing runs."""
+        about = self._model.state.about
+        show_text(self.identity, about.id)
+        for key, field in self.fields.items():
+            show_text(field, getattr(about, key))
+        with quietly(self.status, self.revision):
+            self.status.setCurrentText(about.status)
+            self.revision.setValue(about.revision)
+        if self.limitations.toPlainText() != about.limitations and not self.limitations.hasFocus():
+            with quietly(self.limitations):
+                self.limitations.setPlainText(about.limitations)
+        self.make.setEnabled(can_run)
+        self._show()
+
+    def take_limitations(self) -> None:
+        """Take what is typed of limitations; a plain field tells nobody when it is left."""
+        text = self.limitations.toPlainText().strip()
+        if text != self._model.state.about.limitations:
+            self._model.set_about(limitations=text)
+
+    def set_audited(self, audited: Audited | None) -> None:
+        """Show what an audit left; None: there is nothing."""
+        self._audited = audited
+        self._show()
+
+    @property
+    def audited(self) -> Audited | None:
+        """What the last audit left."""
+        return self._audited
+
+    def _show(self) -> None:
+        audited = self._audited
+        documents = () if audited is None else tuple(path.name for path in audited.documents)
+        for button, name in ((self.html, "report.html"), (self.pdf, "report.pdf")):
+            button.setVisible(audited is not None)
+            button.setEnabled(name in documents)
+        self.folder.setVisible(audited is not None)
+        if audited is None:
+            say(self.verdict, "")
+            say(self.place, "")
+            return
+        warnings = len(audited.results["warnings"])
+        doubts = f"{warnings} warning{'' if warnings == 1 else 's'}"
+        stale = " Pairs changed since: run again." if self._model.is_stale else ""
+        say(
+            self.verdict,
+            f"Verdict: {audited.verdict}, with {doubts}.{stale}",
+            "warning" if stale else LEVELS.get(audited.verdict, ""),
+        )
+        say(self.place, str(audited.folder))
+
+    def _set(self, key: str, field: QLineEdit) -> None:
+        field.setModified(False)
+        if field.text() != getattr(self._model.state.about, key):
+            self._model.set_about(**{key: field.text().strip()})
+
+    def _open(self, name: str) -> None:
+        if self._audited is not None:
+            self.document_wanted.emit(self._audited.folder / name)
