@@ -1,4 +1,6 @@
 import json
+import os
+import subprocess
 import sys
 
 import numpy as np
@@ -217,3 +219,13 @@ def test_several_projects_get_an_index_page(run, small_project, tmp_path):
     page = (tmp_path / "out" / "index.html").read_text("utf-8")
     assert page.count("NOT TESTED") >= 2
     assert "second" in page
+
+
+def test_output_that_nobody_reads_on_is_no_failed_limit(tmp_path):
+    # 141 is what a shell reports of such programs; 1 would say that a limit failed.
+    read, write = os.pipe()
+    os.close(read)
+    child = [sys.executable, "-m", "trigpoint_reporting", "new", str(tmp_path / "project")]
+    with os.fdopen(write, "w") as closed:
+        done = subprocess.run(child, stdout=closed, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (141, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -48,6 +49,9 @@ app = typer.Typer(
     "and say what it is worth.",
 )
 
+# What a shell reports of a program that wrote to a closed pipe.
+BROKEN_PIPE = 141
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Crs = Annotated[str, typer.Option(help="Assign a CRS, such as EPSG:32615; it never reprojects.")]
 Existing = typer.Argument(show_default=False)
@@ -57,6 +61,12 @@ def main() -> NoReturn:
     """Run the command line: 0 done, 1 a limit failed, 2 bad input in one clear line."""
     try:
         code = app(standalone_mode=False)
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):
+        # Who read the output has gone, as `head` does. Rich and Typer would exit with 1 for it,
+        # which here says that a limit failed; nothing else exits by itself.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = BROKEN_PIPE
     except TrigpointError as error:
         code = _fail(error.code, str(error))
     except (KeyboardInterrupt, typer.Abort):
