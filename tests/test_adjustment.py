@@ -5,20 +5,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from towers import TOWER
 
 from trigpoint.adjustment import linearise
 from trigpoint.similarity import Similarity, umeyama
-
-TOWER = np.array(
-    [
-        [0.1, 0.2, 0.0],
-        [3.9, 0.1, 1.0],
-        [3.8, 4.0, 4.0],
-        [0.2, 3.9, 9.0],
-        [2.0, 2.0, 15.0],
-        [2.1, 0.1, 12.0],
-    ]
-)
 
 
 def pairs(truth, seed, sigma=0.1):

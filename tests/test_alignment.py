@@ -4,6 +4,7 @@ import math
 import jsonschema
 import numpy as np
 import pytest
+from towers import TOWER
 
 from trigpoint.alignment import align
 from trigpoint.canonical import to_json
@@ -12,17 +13,6 @@ from trigpoint.errors import DegeneratePicksError, PicksError, SimilarityError
 from trigpoint.picks import picks_from
 from trigpoint.results import alignment_results, read_similarity
 from trigpoint.similarity import umeyama
-
-TOWER = np.array(
-    [
-        [0.1, 0.2, 0.0],
-        [3.9, 0.1, 1.0],
-        [3.8, 4.0, 4.0],
-        [0.2, 3.9, 9.0],
-        [2.0, 2.0, 15.0],
-        [2.1, 0.1, 12.0],
-    ]
-)
 
 
 @pytest.fixture

@@ -3,23 +3,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.spatial.transform import Rotation
+from towers import APEX, TOWER
 
 from trigpoint.adjustment import linearise
 from trigpoint.blunders import noncentrality, pick_table
 from trigpoint.reliability import assess
 from trigpoint.similarity import Similarity, umeyama
 
-TOWER = np.array(
-    [
-        [0.1, 0.2, 0.0],
-        [3.9, 0.1, 1.0],
-        [3.8, 4.0, 4.0],
-        [0.2, 3.9, 9.0],
-        [2.0, 2.0, 15.0],
-        [2.1, 0.1, 12.0],
-    ]
-)
-APEX = 4
 SIGMA = 0.10
 
 

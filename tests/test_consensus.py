@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
+from towers import APEX, TOWER
 
 from trigpoint import consensus as module
 from trigpoint.consensus import exhaustive, no_consensus, ransac
@@ -14,10 +15,6 @@ from trigpoint.errors import ConsensusError, DegeneratePicksError
 from trigpoint.similarity import Similarity, umeyama
 
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
-TOWER = np.array(
-    [[0.1, 0.2, 0], [3.9, 0.1, 1], [3.8, 4, 4], [0.2, 3.9, 9], [2, 2, 15], [2.1, 0.1, 12]]
-)
-APEX = 4
 TURN = Rotation.from_rotvec([0.3, -1.1, 2.0]).as_matrix()
 METHODS = pytest.mark.parametrize("method", [ransac, exhaustive])
 

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from towers import TOWER
 
 from trigpoint.geometry import axis_words, rotation_axes
 from trigpoint.reliability import assess
@@ -10,16 +11,6 @@ from trigpoint.similarity import Similarity, umeyama
 
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
 RNG = np.random.default_rng(0)
-TOWER = np.array(
-    [
-        [0.1, 0.2, 0.0],
-        [3.9, 0.1, 1.0],
-        [3.8, 4.0, 4.0],
-        [0.2, 3.9, 9.0],
-        [2.0, 2.0, 15.0],
-        [2.1, 0.1, 12.0],
-    ]
-)
 EDGE = np.column_stack([RNG.normal(0, 0.003, (6, 2)), np.linspace(0, 15, 6)])
 FACADE = np.array([[0, 0, 0], [8, 0, 0], [8, 0, 6], [0, 0, 6], [3, 0, 2], [5, 0, 5]], float)
 ONE_FAR = np.vstack([RNG.normal(0, 0.3, (5, 3)), [[20.0, 5, 0]]])

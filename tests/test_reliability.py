@@ -7,22 +7,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.spatial.transform import Rotation
+from towers import TOWER
 
 from trigpoint.cautions import CODES
 from trigpoint.reliability import assess
 from trigpoint.similarity import Similarity, umeyama
 
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
-TOWER = np.array(
-    [
-        [0.1, 0.2, 0.0],
-        [3.9, 0.1, 1.0],
-        [3.8, 4.0, 4.0],
-        [0.2, 3.9, 9.0],
-        [2.0, 2.0, 15.0],
-        [2.1, 0.1, 12.0],
-    ]
-)
 TRUTH = Similarity(3.26, Rotation.from_rotvec([0.3, -1.1, 2.0]).as_matrix(), np.zeros(3))
 DRAWS = 20_000
 
