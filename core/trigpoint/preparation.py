@@ -392,6 +392,7 @@ def _floor(
     points = one[:: max(1, math.ceil(len(one) / FLOOR_SAMPLE))].copy()
     del one  # before the other half takes as much memory
     other = found.voxels(origin, lattice, half=1).cloud.xyz
+    found.pieces.clear()  # nobody asks for them again, and the search needs their memory
     squares = nearest(points, other) ** 2
     own = zones.of(points[:, 2] + origin[2])
     parts = {ALL: squares} | {name: squares[own == k] for k, name in enumerate(zones.names)}

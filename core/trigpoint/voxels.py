@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -30,7 +30,7 @@ PENDING = 12_000_000
 # Points handled at a time: arrays this small stay in the processor's cache.
 BLOCK = 2**17
 # Points or cells summed at a time, about, and the step of the sample that finds where to cut.
-PIECE, STRIDE = 2**17, 2**9
+PIECE, STRIDE = 2**18, 2**9
 
 Counts = NDArray[np.int64]
 
@@ -218,12 +218,18 @@ def gather(parts: Iterable[Cells]) -> list[Cells]:
     """
     merged: list[Cells] = []
     waiting: list[Cells] = []
+    # Waiting points lie in a few arrays that are used again: of many small ones, made by many
+    # threads among others that do not last, the allocator gives little memory back.
+    keys, offsets = np.empty(PENDING, np.int64), [np.empty(PENDING, np.uint32) for _ in range(3)]
     points = 0
     for part in parts:
         if points + len(part) > PENDING:
             merged, waiting, points = _merge(merged + waiting), [], 0
-        waiting.append(part)
-        points += len(part)
+        rows = slice(points, points := points + len(part))
+        keys[rows] = part.keys
+        for offset, own in zip(offsets, part.sums, strict=True):
+            offset[rows] = own
+        waiting.append(Cells(keys[rows], [offset[rows] for offset in offsets]))
     return _merge(merged + waiting)
 
 
@@ -265,11 +271,18 @@ def centroids(pieces: list[Cells], lattice: Lattice, *, half: int | None = None)
 
 def _merge(runs: list[Cells]) -> list[Cells]:
     # Range by range: what is being sorted stays in the processor's cache, and ranges can be sorted
-    # at the same time. The cells, which last, go to a few large arrays: of many small ones, made by
-    # many threads among others that do not last, the allocator gives little memory back.
+    # at the same time. The cells, which last, go to a few large arrays, as waiting points do.
+    cuts = _cuts(runs)
     size, used, pieces = sum(map(len, runs)), 0, []
     keys, counts, *sums = (np.empty(size, np.int64) for _ in range(5))
-    for piece in worked(_summed, _ranges(runs)):
+
+    def work(k: int) -> Cells:
+        rows = [slice(cut[k], cut[k + 1]) for cut in cuts]
+        return _summed(
+            [(run, own) for run, own in zip(runs, rows, strict=True) if own.start < own.stop]
+        )
+
+    for piece in worked(work, range(len(cuts[0]) - 1) if cuts else ()):
         rows = slice(used, used := used + len(piece))
         keys[rows], counts[rows] = piece.keys, _points(piece)
         for total, part in zip(sums, piece.sums, strict=True):
@@ -278,33 +291,29 @@ def _merge(runs: list[Cells]) -> list[Cells]:
     return pieces
 
 
-def _ranges(runs: list[Cells]) -> Iterator[list[Cells]]:
-    """Cut runs at the same keys, between slabs, where each falls in two."""
+def _cuts(runs: list[Cells]) -> list[list[int]]:
+    """Find where to cut each run, so that all are cut at the same keys and between slabs."""
     if not runs:
-        return
+        return []
     sample = np.sort(np.concatenate([run.keys[::STRIDE] for run in runs]))
     step = PIECE // STRIDE
     bounds = np.unique(sample[step::step] >> SLAB) << SLAB
-    for bound in [*bounds, np.iinfo(np.int64).max]:
-        cuts = [int(np.searchsorted(run.keys, bound)) for run in runs]
-        parts = [run[:cut] for run, cut in zip(runs, cuts, strict=True) if cut]
-        runs = [run[cut:] for run, cut in zip(runs, cuts, strict=True) if cut < len(run)]
-        if parts:
-            yield parts
+    return [[0, *np.searchsorted(run.keys, bounds).tolist(), len(run)] for run in runs]
 
 
-def _summed(parts: list[Cells]) -> Cells:
-    keys = np.concatenate([part.keys for part in parts])
+def _summed(parts: list[tuple[Cells, slice]]) -> Cells:
+    none = np.empty(0, np.int64)
+    keys = np.concatenate([none, *(cells.keys[rows] for cells, rows in parts)])
     order = np.argsort(keys)
     keys = keys[order]
     starts = _starts(keys)
     sums = []
     for axis in range(3):
-        values = np.concatenate([part.sums[axis] for part in parts], dtype=np.int64)
+        values = np.concatenate([none, *(cells.sums[axis][rows] for cells, rows in parts)])
         sums.append(np.add.reduceat(values[order], starts))
-    if all(part.counts is None for part in parts):
+    if all(cells.counts is None for cells, _ in parts):
         return Cells(keys[starts], sums, np.diff(starts, append=len(keys)))
-    counts = np.concatenate([_points(part) for part in parts])
+    counts = np.concatenate([_points(cells[rows]) for cells, rows in parts])
     return Cells(keys[starts], sums, np.add.reduceat(counts[order], starts))
 
 
