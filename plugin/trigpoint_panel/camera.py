@@ -89,6 +89,14 @@ class Camera:
         lift = Rotation.from_rotvec(np.radians(lowered) * side)
         return replace(self, position=_position(self.focal_point + (turn * lift).apply(arm)))
 
+    def rolled(self, degrees: float) -> Camera:
+        """Turn about the line of sight, which changes what is upright."""
+        ahead = np.subtract(self.focal_point, self.position)
+        side = np.cross(ahead, self.up)
+        above = np.cross(side, ahead)
+        turn = Rotation.from_rotvec(np.radians(degrees) * ahead / np.linalg.norm(ahead))
+        return replace(self, up=_position(turn.apply(above / np.linalg.norm(above))))
+
     def panned(self, right: float, upward: float) -> Camera:
         """Move sideways and upwards, in heights of the picture."""
         ahead = np.subtract(self.focal_point, self.position)

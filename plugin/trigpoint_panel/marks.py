@@ -118,7 +118,7 @@ class Marks:
         actor.SetMapper(mapper)
         actor.PickableOff()
         look = actor.GetProperty()
-        look.SetColor(pv.Color(colour).float_rgb)
+        look.SetColor(*pv.Color(colour).float_rgb)
         look.LightingOff()
         look.SetPointSize(width * self._ratio)
         look.SetRenderPointsAsSpheres(is_round)
@@ -143,8 +143,8 @@ class Marks:
             text.SetFontFamily(4)  # VTK_FONT_FILE
             text.SetFontFile(str(FONT))
         text.SetFontSize(LETTERS + 1 if marker.selected else LETTERS)
-        text.SetColor(pv.Color("white" if marker.selected else look.ink).float_rgb)
-        text.SetBackgroundColor(pv.Color("black" if marker.selected else look.colour).float_rgb)
+        text.SetColor(*pv.Color("white" if marker.selected else look.ink).float_rgb)
+        text.SetBackgroundColor(*pv.Color("black" if marker.selected else look.colour).float_rgb)
         text.SetBackgroundOpacity(0.9)
         self._renderer.AddViewProp(label)
         return label

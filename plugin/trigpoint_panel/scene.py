@@ -21,8 +21,10 @@ from trigpoint_panel.marks import Marker, Marks
 COARSE = 100_000
 # Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
 STRAY = 0.5
+# Of a fitted picture, a little stays free around the cloud.
+MARGIN = 1.06
 # Width of the points in pixels.
-POINT = 2.0
+POINT = 3.0
 LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
 
 # The first pick's cylinder is as wide everywhere as at the focal point; off by more, it is redone.
@@ -290,11 +292,21 @@ class Scene:
             else:
                 self.renderer.disable_eye_dome_lighting()
 
+    @property
+    def eye_dome(self) -> bool:
+        """Whether edges in depth are darkened."""
+        return self._eye_dome
+
     def set_dark(self, dark: bool) -> None:
         """Choose a dark or a light background."""
         self._dark = dark
         if self._plotter is not None:
-            self.renderer.SetBackground(*(DARK if dark else LIGHT))
+            self.renderer.SetBackground(*self.background)
+
+    @property
+    def background(self) -> Position:
+        """Red, green and blue of the background, 0 to 1."""
+        return DARK if self._dark else LIGHT
 
     def set_moving(self, moving: bool) -> None:
         """Draw fewer points while the view moves, and all of them when it rests."""
@@ -345,6 +357,21 @@ class Scene:
         """Which way is up."""
         return self._up
 
+    def take_up(self) -> None:
+        """Take what is upright in the picture as up."""
+        self._up = self._camera.up
+        if self.mode == "height":
+            self.colour_by("height")
+
+    @property
+    def extent(self) -> float:
+        """Size of the cloud from corner to corner, strays left out."""
+        if self.cloud is None:
+            return 1.0
+        sample = self._local[:: max(1, len(self._local) // 50_000)]
+        low, high = np.percentile(sample, [STRAY, 100 - STRAY], axis=0)
+        return float(np.linalg.norm(high - low))
+
     def look(self, face: Face) -> None:
         """Look at the whole cloud straight from one side, or from above."""
         parallel = self._camera.parallel
@@ -360,20 +387,24 @@ class Scene:
         sample = sample[:: max(1, len(sample) // 50_000)].astype(np.float64)
         if not len(sample):
             return
-        ahead = np.subtract(self._camera.focal_point, self._camera.position)
+        camera, (width, height) = self._camera, self.size
+        ahead = np.subtract(camera.focal_point, camera.position)
         ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, self._camera.up)
+        right = np.cross(ahead, camera.up)
         right /= np.linalg.norm(right)
         axes = np.array([right, np.cross(right, ahead), ahead])
-        low, high = np.percentile(sample @ axes.T, [STRAY, 100 - STRAY], axis=0)
-        width, height = self.size
-        wide, tall, deep = high - low
-        # What is nearer than the middle looks larger.
-        deep = 0.0 if self._camera.parallel else deep
-        lean = deep * float(np.tan(np.radians(self._camera.view_angle / 2)))
-        needed = 1.08 * max(tall, wide * height / width, 1e-6) + 0.8 * lean
-        middle = self.origin + (low + high) / 2 @ axes
-        self.camera = self._camera.looking_at(middle, needed)
+        along = sample @ axes.T
+        low, high = np.percentile(along, [STRAY, 100 - STRAY], axis=0)
+        reach = 0.2 * (high - low) + 1e-9
+        along = along[((along >= low - reach) & (along <= high + reach)).all(axis=1)]
+        middle = (along.min(axis=0) + along.max(axis=0)) / 2
+        wide, tall, deep = (along - middle).T
+        half = np.maximum(np.abs(tall), np.abs(wide) * height / width)
+        if not camera.parallel:
+            # What is nearer than the middle looks larger.
+            half = half - deep * np.tan(np.radians(camera.view_angle / 2))
+        needed = 2 * MARGIN * max(float(half.max()), 1e-6)
+        self.camera = camera.looking_at(self.origin + middle @ axes, needed)
 
     def _aim(self) -> None:
         if self._plotter is None:
@@ -446,6 +477,10 @@ class Scene:
         if not found or row < 0:
             return None
         return int(row if self._rows is None else self._rows[row])
+
+    def pixel_at(self, row: int) -> float:
+        """Return the size of a pixel, scaled as the picture is, at a point: in its units."""
+        return self._pixel(row) * self._ratio
 
     def _pixel(self, row: int | None) -> float:
         """Return the size of a pixel at a point, or at the focal point, in the cloud's units."""

@@ -1,0 +1,87 @@
+"""The magnifier: what is around the mouse, four times as large."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from qtpy import QtCore, QtGui, QtWidgets
+
+from trigpoint_panel.camera import Camera
+from trigpoint_panel.canvas import ImageCanvas
+from trigpoint_panel.scene import Scene, aim
+
+ZOOM = 4
+SIDE = 200
+# Pixels between the mouse and the inset, so that the hand does not cover what it shows.
+AWAY = 28
+
+
+class Loupe(ImageCanvas):
+    """An inset with its own picture of a scene."""
+
+    def __init__(self, scene: Scene, parent: QtWidgets.QWidget) -> None:
+        super().__init__(parent)
+        self._scene = scene
+        self.setFixedSize(SIDE, SIDE)
+        self.setAttribute(QtCore.Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self.plotter.suppress_rendering = True
+        self.plotter.renderer.enable_eye_dome_lighting()
+        scene.add_renderer(self.plotter.renderer)
+
+    def look(self, at: QtCore.QPointF) -> None:
+        """Show what is around a place of the parent, and stand beside it."""
+        parent = self.parentWidget()
+        if parent is None:
+            return
+        width, height = parent.width(), parent.height()
+        self.plotter.renderer.SetBackground(*self._scene.background)
+        camera = narrowed(self._scene.camera, (at.x(), at.y()), (width, height), SIDE / ZOOM)
+        aim(self.plotter.renderer.GetActiveCamera(), camera, self._scene.origin)
+        self.plotter.renderer.ResetCameraClippingRange()
+        left = at.x() + AWAY if at.x() + AWAY + SIDE <= width else at.x() - AWAY - SIDE
+        top = at.y() - AWAY - SIDE if at.y() - AWAY - SIDE >= 0 else at.y() + AWAY
+        self.move(
+            round(min(max(left, 0), max(width - SIDE, 0))),
+            round(min(max(top, 0), max(height - SIDE, 0))),
+        )
+        self.refresh()
+
+    def paintEvent(self, event: QtGui.QPaintEvent) -> None:
+        """Paint the picture, a cross that leaves the middle free, and a frame."""
+        super().paintEvent(event)
+        painter = QtGui.QPainter(self)
+        middle, gap = SIDE / 2, 6.0
+        for width, colour in ((3, QtGui.QColor("white")), (1, QtGui.QColor("black"))):
+            painter.setPen(QtGui.QPen(colour, width))
+            for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                ends = [QtCore.QPointF(middle + r * dx, middle + r * dy) for r in (gap, gap + 12)]
+                painter.drawLine(*ends)
+        painter.setPen(QtGui.QPen(self.palette().color(QtGui.QPalette.ColorRole.Highlight), 3))
+        painter.drawRect(self.rect())
+        painter.end()
+
+    def release(self) -> None:
+        """Free what VTK holds."""
+        self._scene.remove_renderer(self.plotter.renderer)
+        super().release()
+
+
+def narrowed(
+    camera: Camera, at: tuple[float, float], size: tuple[float, float], side: float
+) -> Camera:
+    """Return the camera that sees only a square about a place of the picture, all in pixels.
+
+    It stands where the other one stands, so it sees the same surfaces in front.
+    """
+    width, height = size
+    right, upward = (at[0] - width / 2) / height, (height / 2 - at[1]) / height
+    aside = camera.panned(right, upward)
+    if camera.parallel:
+        return replace(aside, parallel_scale=camera.parallel_scale * side / height)
+    # Away from the middle the same angle covers more of the plane.
+    stretch = np.hypot(1, np.hypot(right, upward) * camera.height / camera.distance)
+    half = np.tan(np.radians(camera.view_angle / 2)) * side / height / stretch
+    return replace(
+        camera, focal_point=aside.focal_point, view_angle=float(2 * np.degrees(np.arctan(half)))
+    )
