@@ -229,3 +229,10 @@ def test_output_that_nobody_reads_on_is_no_failed_limit(tmp_path):
     with os.fdopen(write, "w") as closed:
         done = subprocess.run(child, stdout=closed, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_info_says_of_a_format_that_holds_no_crs_that_there_is_none(run, tmp_path):
+    (tmp_path / "points.xyz").write_text("1 2 3\n2 3 4\n")
+    code, out, _ = run("info", tmp_path / "points.xyz", "--json")
+    assert code == 0
+    assert [warning["code"] for warning in json.loads(out)["warnings"]] == ["crs_missing"]

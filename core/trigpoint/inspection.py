@@ -36,8 +36,9 @@ def inspect(path: str | Path, *, crs: str | None = None) -> dict[str, Any]:
 def _cloud(path: Path, crs: str | None) -> dict[str, Any]:
     info = describe(path, crs=crs)
     report = describe_crs(info.crs, at=(info.low + info.high) / 2)
-    # Without a CRS the file has said so already.
-    doubts = (*info.cautions, *(report.cautions if info.crs is not None else ()))
+    # A format that could hold a CRS has said already that there is none.
+    said = {caution.code for caution in info.cautions}
+    doubts = (*info.cautions, *(new for new in report.cautions if new.code not in said))
     return {
         "path": path.name,
         "kind": "cloud",
