@@ -9,19 +9,21 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from trigpoint.blocks import BLOCK_M, FEWEST_BLOCKS, blocks_of, resampled, too_few
 from trigpoint.cautions import Caution
 from trigpoint.comparison import Comparison
 from trigpoint.nearest import Tree
-from trigpoint.posing import changes_at, draw_poses
+from trigpoint.posing import changes_at, parameters, poses_with
 from trigpoint.preparation import ALL, SEED
 from trigpoint.reliability import Reliability
 from trigpoint.tallies import Tallies, measures, tally
 
-DRAWS = 2000
+DRAWS = 1000
 LEVELS = (0.025, 0.975)
 DIRECTIONS = ("accuracy", "completeness")
+LEAST = 1e-9  # the smallest share that stands for a mean square: of none it would be infinite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,11 +75,12 @@ def estimate(
     and each gives draws of what the value at the true pose may be:
 
     *Pose.* The similarity is wrong by an error drawn from its covariance. Moving the cloud by such
-    errors once more shows what they do. They can only worsen the fit of a cloud that fits best
-    where it belongs, so the moved shares themselves lie on the wrong side of the truth: they
-    are reflected. A share p that falls to q had fallen from about ``p * p / q``; an RMSE r that
-    grows to v had grown from about ``2 r - v``. (Shares fall in proportion: reflecting their
-    difference, ``2 p - q``, falls short where a pose error is as large as the threshold.)
+    errors once more shows what they do. They worsen the fit of a cloud that fits best where it
+    belongs, so the moved shares themselves lie on the wrong side of the truth: they are reflected.
+    What adds up is the mean square, for errors of the pose and of the surfaces are independent. A
+    share stands for one too: that of normal distances of which so many are within its threshold.
+    So each error, taken both ways (what only its direction does falls out), adds to the mean
+    square about what the true error has added, and that much is taken off.
 
     *Sampling.* The building is one of its kind: its blocks of 2 m, drawn again with replacement,
     show how the value would vary among such buildings, and with it what a small or patchy zone
@@ -85,9 +88,14 @@ def estimate(
 
     The interval holds the middle 95 % of both together, clipped to what is possible. What was
     measured lies near its worse end, and may lie just outside: a pose error has worsened it. Where
-    nearly all is within a threshold at any pose, the interval is wider than it need be. A blunder
-    among the picks, or a reconstruction that is bent as a whole, is not in it. The region's crop
-    and the lattice stay where they were.
+    the true share is nearly 0 or 100 %, no interval can miss it on that side, and more than 95 %
+    of them hold it; where a reconstruction fits better elsewhere than where it belongs (it is
+    shifted or bent as a whole), fewer do. With the picks of the demo's tower picked again 60 times,
+    zone shares between 2 and 98 % lay in their intervals 94.6 % of the time for a perfect
+    reconstruction, 96.6 % for the neural and 96.3 % for the photogrammetric one, between 85 and
+    100 % for a single zone and threshold (`make bench` prints the table).
+
+    A blunder among the picks is not in it. The region's crop and the lattice stay where they were.
 
     Parameters
     ----------
@@ -115,7 +123,8 @@ def estimate(
     poses = None
     if reliability is not None:
         random = np.random.default_rng(streams[0])
-        poses = draw_poses(reliability, draws=draws, random=random).about(origin)
+        errors = parameters(reliability, draws=draws, random=random)
+        poses = poses_with(reliability, np.concatenate([errors, -errors])).about(origin)
 
     truths = {}
     moves: Literal["source", "target"]
@@ -204,13 +213,7 @@ def _truth(
     posed = np.full_like(sampled, np.nan)
     both = sampled
     if changes is not None:
-        moved = _values(means + np.nan_to_num(changes))
-        posed[..., 0] = 2 * value[:, 0] - moved[..., 0]
-        share, fallen = value[:, 1:], moved[..., 1:]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # From a share of nothing there is no proportion to reflect.
-            posed[..., 1:] = np.where(share > 0, share * share / fallen, fallen)
-        np.clip(posed[..., 1:], 0, 100, out=posed[..., 1:])
+        posed = _posed(means, np.split(means + np.nan_to_num(changes), 2))
         posed[..., 1:] = _nested(posed[..., 1:], within)
         both = posed + sampled - value
     bounds = np.stack([np.quantile(part, LEVELS, axis=0) for part in (both, posed, sampled)])
@@ -219,6 +222,25 @@ def _truth(
     sparse = too_few(tallies)
     bounds[0, :, sparse] = bounds[2, :, sparse] = np.nan
     return _Truth(posed, bounds, sparse, block_m)
+
+
+def _posed(means: NDArray[np.float64], moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Take off what pose errors add, once ahead and once back: RMSE and shares at the true pose."""
+    now, ahead, back = (_squares(each) for each in (means, *moved))
+    squares = np.maximum(2 * now - (ahead + back) / 2, 0)
+    posed = np.sqrt(squares)
+    with np.errstate(divide="ignore"):
+        posed[..., 1:] = 100 * (2 * ndtr(1 / posed[..., 1:]) - 1)
+    # From a share of nothing there is nothing to reflect.
+    return np.where(means > 0, posed, _values(moved[0]))
+
+
+def _squares(means: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean squares, and those that shares stand for, in squares of the threshold."""
+    squares = np.maximum(means, 0)
+    shares = np.clip(means[..., 1:] / 100, LEAST, 1 - LEAST)
+    squares[..., 1:] = ndtri((1 + shares) / 2) ** -2
+    return squares
 
 
 def _nested(shares: NDArray[np.float64], within: Sequence[float]) -> NDArray[np.float64]:

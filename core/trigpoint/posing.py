@@ -89,7 +89,11 @@ def parameters(
 
 def draw_poses(reliability: Reliability, *, draws: int, random: np.random.Generator) -> Poses:
     """Draw poses from the covariance of a similarity; arguments as in `parameters`."""
-    errors = parameters(reliability, draws=draws, random=random)
+    return poses_with(reliability, parameters(reliability, draws=draws, random=random))
+
+
+def poses_with(reliability: Reliability, errors: NDArray[np.float64]) -> Poses:
+    """Return the poses that are wrong by these errors of the seven parameters, (m, 7)."""
     return Poses(
         reliability.centroid,
         np.exp(errors[:, 0]),
