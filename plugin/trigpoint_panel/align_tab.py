@@ -98,10 +98,14 @@ class AlignTab(Tab):
         for field in (self.threshold, self.trials, self.seed):
             field.setKeyboardTracking(False)
         self.method.currentIndexChanged.connect(self._set_method)
-        self.threshold.valueChanged.connect(lambda v: model.set_alignment(threshold_m=float(v)))
-        self.trials.valueChanged.connect(lambda v: model.set_alignment(trials=int(v)))
-        self.seed.valueChanged.connect(lambda v: model.set_alignment(seed=int(v)))
-        self.weighted.toggled.connect(lambda on: model.set_alignment(weighted=bool(on)))
+        self.threshold.valueChanged.connect(
+            lambda v: self.change(model.set_alignment, threshold_m=float(v))
+        )
+        self.trials.valueChanged.connect(lambda v: self.change(model.set_alignment, trials=int(v)))
+        self.seed.valueChanged.connect(lambda v: self.change(model.set_alignment, seed=int(v)))
+        self.weighted.toggled.connect(
+            lambda on: self.change(model.set_alignment, weighted=bool(on))
+        )
         self.column.addStretch(1)
         self.refresh(can_run=False)
 
@@ -180,7 +184,7 @@ class AlignTab(Tab):
         say(self.errors, "\n".join(lines))
 
     def _set_method(self) -> None:
-        self._model.set_alignment(method=cast(Method, self.method.currentData()))
+        self.change(self._model.set_alignment, method=cast(Method, self.method.currentData()))
 
     def _copy(self) -> None:
         if self._model.similarity is not None:

@@ -95,9 +95,11 @@ class ErrorsTab(Tab):
         self.doubts = self.sentence(faint=True)
         self.column.addStretch(1)
 
-        self.voxel.valueChanged.connect(lambda v: model.set_comparison(voxel_m=float(v)))
+        self.voxel.valueChanged.connect(
+            lambda v: self.change(model.set_comparison, voxel_m=float(v))
+        )
         self.margin.valueChanged.connect(
-            lambda v: model.set_comparison(margin_m=None if v < 0 else float(v))
+            lambda v: self.change(model.set_comparison, margin_m=None if v < 0 else float(v))
         )
         self.zones.editingFinished.connect(self._set_zones)
         self.within.editingFinished.connect(self._set_within)
@@ -203,7 +205,7 @@ class ErrorsTab(Tab):
             return
         self.show_trouble("")
         self.zones.setModified(False)
-        self._model.set_comparison(zones=cuts)
+        self.change(self._model.set_comparison, zones=cuts)
 
     def _set_within(self) -> None:
         try:
@@ -216,7 +218,7 @@ class ErrorsTab(Tab):
             return
         self.show_trouble("")
         self.within.setModified(False)
-        self._model.set_comparison(within_m=metres)
+        self.change(self._model.set_comparison, within_m=metres)
 
 
 class LegendBar(QWidget):

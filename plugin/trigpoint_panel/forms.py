@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from qtpy.QtCore import QObject, QSignalBlocker, Qt
+from qtpy.QtCore import QObject, QSignalBlocker, Qt, Signal
 from qtpy.QtWidgets import (
     QFormLayout,
     QFrame,
@@ -19,9 +19,19 @@ from qtpy.QtWidgets import (
     QWidget,
 )
 
+from trigpoint.errors import TrigpointError
+
 
 class Tab(QScrollArea):
-    """A column of sections that scrolls where there is too little room."""
+    """A column of sections that scrolls where there is too little room.
+
+    Attributes
+    ----------
+    refused : Signal(str)
+        Why a setting can't be.
+    """
+
+    refused = Signal(str)
 
     def __init__(self, name: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -34,6 +44,13 @@ class Tab(QScrollArea):
         self.column.setContentsMargins(10, 8, 10, 10)
         self.column.setSpacing(6)
         self.setWidget(self.inside)
+
+    def change(self, take: Callable[..., object], **changes: object) -> None:
+        """Change settings, and tell it if they can't be."""
+        try:
+            take(**changes)
+        except TrigpointError as error:
+            self.refused.emit(str(error))
 
     def heading(self, text: str) -> QLabel:
         """Add a section's heading."""

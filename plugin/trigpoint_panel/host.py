@@ -68,8 +68,8 @@ class Host(Protocol):
         """Return the command of the interpreter that holds the packages, for child processes."""
         ...
 
-    def shutdown(self) -> None:
-        """Cancel what runs, and wait a little for it to end."""
+    def shutdown(self) -> bool:
+        """Cancel what runs, wait a little for it to end, and tell whether it has."""
         ...
 
 
@@ -154,9 +154,9 @@ class StandaloneHost:
         """Return this interpreter."""
         return (sys.executable,)
 
-    def shutdown(self) -> None:
-        """Cancel what runs, and wait up to two seconds for it to end."""
-        self._pool.wait(2000)
+    def shutdown(self) -> bool:
+        """Cancel what runs, wait up to two seconds for it to end, and tell whether it has."""
+        return self._pool.wait(2000)
 
     def _folder(self) -> str:
         return str(self.setting("folder", str(Path.home())))

@@ -37,6 +37,8 @@ class Job(QObject):
     ----------
     title : str
         What is being done, as in "C2C: 41 %".
+    error : Exception or None
+        What it failed of.
     progress : Signal(float, str)
         Share done, below zero where nobody knows, and what is being done.
     done : Signal(object)
@@ -52,6 +54,7 @@ class Job(QObject):
     failed = Signal(str, str)
     cancelled = Signal()
     ended = Signal()
+    _told = Signal(float, str)
     _returned = Signal(object)
     _raised = Signal(str, str)
     _stopped = Signal()
@@ -60,9 +63,11 @@ class Job(QObject):
         super().__init__()
         self.title = title
         self.settled = False  # the thread has said its last word
+        self.error: Exception | None = None  # what it failed of
         self._work: Work | None = work
         self._asked_to_stop = False
         self._over = False
+        self._told.connect(self._tell)
         self._returned.connect(self._return)
         self._raised.connect(self._fail)
         self._stopped.connect(self._stop)
@@ -87,7 +92,7 @@ class Job(QObject):
         """
         if self._asked_to_stop:
             raise CancelledError
-        self.progress.emit(-1.0 if fraction is None else float(fraction), text)
+        self._told.emit(-1.0 if fraction is None else float(fraction), text)
 
     def run(self) -> None:
         """Do the work, in whatever thread this is called; to be called once."""
@@ -98,14 +103,21 @@ class Job(QObject):
         except CancelledError:
             self._stopped.emit()
         except (TrigpointError, OSError) as error:
+            self.error = error
             self._raised.emit(told(error), "")
-        except MemoryError:
+        except MemoryError as error:
+            self.error = error
             self._raised.emit(f"{self.title}: there is not enough memory.", traceback.format_exc())
         except Exception as error:
+            self.error = error
             message = f"Something went wrong while doing this: {self.title} ({told(error)})."
             self._raised.emit(message, traceback.format_exc())
         else:
             self._returned.emit(found)
+
+    def _tell(self, share: float, text: str) -> None:
+        if self.running:
+            self.progress.emit(share, text)
 
     def _return(self, found: object) -> None:
         self.settled = True

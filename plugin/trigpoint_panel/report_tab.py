@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from functools import partial
 
 from qtpy.QtCore import Signal
@@ -66,6 +67,10 @@ class ReportTab(Tab):
         self.fields = {key: QLineEdit(self.inside) for key in FIELDS}
         for key, label in FIELDS.items():
             form.addRow(label, self.fields[key])
+        self.date = QLineEdit(self.inside)
+        self.date.setPlaceholderText("YYYY-MM-DD")
+        self.date.setToolTip("Of the report; an issued one needs it.")
+        form.addRow("Date", self.date)
         self.status = QComboBox(self.inside)
         self.status.addItems(["draft", "issued"])
         self.status.setToolTip("What is issued is never overwritten.")
@@ -85,8 +90,11 @@ class ReportTab(Tab):
         self.identity.editingFinished.connect(partial(self._set, "id", self.identity))
         for key, field in self.fields.items():
             field.editingFinished.connect(partial(self._set, key, field))
-        self.status.currentTextChanged.connect(lambda text: model.set_about(status=str(text)))
-        self.revision.valueChanged.connect(lambda n: model.set_about(revision=int(n)))
+        self.date.editingFinished.connect(self._set_date)
+        self.status.currentTextChanged.connect(
+            lambda text: self.change(model.set_about, status=str(text))
+        )
+        self.revision.valueChanged.connect(lambda n: self.change(model.set_about, revision=int(n)))
         self.refresh(can_run=False)
 
     def refresh(self, *, can_run: bool) -> None:
@@ -95,6 +103,7 @@ class ReportTab(Tab):
         show_text(self.identity, about.id)
         for key, field in self.fields.items():
             show_text(field, getattr(about, key))
+        show_text(self.date, "" if about.date is None else about.date.isoformat())
         with quietly(self.status, self.revision):
             self.status.setCurrentText(about.status)
             self.revision.setValue(about.revision)
@@ -108,7 +117,7 @@ class ReportTab(Tab):
         """Take what is typed of limitations; a plain field tells nobody when it is left."""
         text = self.limitations.toPlainText().strip()
         if text != self._model.state.about.limitations:
-            self._model.set_about(limitations=text)
+            self.change(self._model.set_about, limitations=text)
 
     def set_audited(self, audited: Audited | None) -> None:
         """Show what an audit left; None: there is nothing."""
@@ -144,7 +153,19 @@ class ReportTab(Tab):
     def _set(self, key: str, field: QLineEdit) -> None:
         field.setModified(False)
         if field.text() != getattr(self._model.state.about, key):
-            self._model.set_about(**{key: field.text().strip()})
+            self.change(self._model.set_about, **{key: field.text().strip()})
+            self.refresh(can_run=self.make.isEnabled())  # what was refused goes back
+
+    def _set_date(self) -> None:
+        self.date.setModified(False)
+        text = self.date.text().strip()
+        try:
+            date = dt.date.fromisoformat(text) if text else None
+        except ValueError:
+            self.refused.emit(f"{text!r} is no date: write it as 2026-09-21.")
+            return
+        if date != self._model.state.about.date:
+            self.change(self._model.set_about, date=date)
 
     def _open(self, name: str) -> None:
         if self._audited is not None:

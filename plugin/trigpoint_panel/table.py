@@ -29,7 +29,7 @@ from qtpy.QtWidgets import (
 )
 
 from trigpoint.errors import TrigpointError
-from trigpoint_panel.model import AXES, Model
+from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair, Side
 from trigpoint_panel.style import look_of
 
@@ -39,6 +39,7 @@ SORTED_BY = Qt.ItemDataRole.UserRole + 1
 LEVEL = Qt.ItemDataRole.UserRole + 2
 SHARE = Qt.ItemDataRole.UserRole + 3
 
+AXES = ("x", "y", "z")
 CHECKED = {
     "control": Qt.CheckState.Checked,
     "check": Qt.CheckState.PartiallyChecked,
@@ -274,10 +275,13 @@ class PairTable(QTableView):
         A pair was double-clicked: bring the views there.
     refused : Signal(str)
         Why what was typed can't be.
+    role_wanted : Signal()
+        The selected pairs are to change their role.
     """
 
     flown = Signal(str)
     refused = Signal(str)
+    role_wanted = Signal()
 
     def __init__(self, model: Model, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -358,8 +362,15 @@ class PairTable(QTableView):
         return self._proxy.mapFromSource(self._rows.index(row, AT[key]))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Let Enter begin to type, as F2 does."""
+        """Let Enter begin to type, as F2 does, and Space change the role."""
         enter = event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        if event.key() == Qt.Key.Key_Space and self.state() != QAbstractItemView.State.EditingState:
+            self.role_wanted.emit()
+            event.accept()
+            return
+        if event.key() == Qt.Key.Key_Z:  # the magnifier's, not a search's
+            event.ignore()
+            return
         if enter and self.state() != QAbstractItemView.State.EditingState:
             if self.currentIndex().flags() & Qt.ItemFlag.ItemIsEditable:
                 self.edit(self.currentIndex())

@@ -1,0 +1,139 @@
+"""Everything the panel can be told to do, with its keys: one table."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from qtpy.QtCore import Qt
+from qtpy.QtGui import QAction, QKeySequence
+from qtpy.QtWidgets import QWidget
+
+from trigpoint_panel import stateline
+
+
+class Command(NamedTuple):
+    """One thing to do.
+
+    Attributes
+    ----------
+    text : str
+        Of its button.
+    keys : str
+        Between blanks; empty: none.
+    about : str
+        For its tool tip and the list of keys.
+    icon : str
+        Of `trigpoint_panel.icons`; empty: none.
+    checked : bool or None
+        Whether it is down at first; None: it is no switch.
+    needs : str
+        What of the state line must be enabled; empty: it always is.
+    """
+
+    text: str
+    keys: str
+    about: str
+    icon: str = ""
+    checked: bool | None = None
+    needs: stateline.Action | str = ""
+
+
+COMMANDS: dict[str, Command] = {
+    "open_source": Command(
+        "Source", "Ctrl+O", "Open the source: the reconstruction", "source", needs="open"
+    ),
+    "open_target": Command(
+        "Reference", "Ctrl+R", "Open the reference: the LiDAR", "reference", needs="open"
+    ),
+    "pick": Command(
+        "Pick", "P", "Pick by clicking; drags still turn the view", "pick", False, "pick"
+    ),
+    "undo": Command("Undo", "Ctrl+Z", "Undo", "undo"),
+    "redo": Command("Redo", "Ctrl+Shift+Z Ctrl+Y", "Redo", "redo"),
+    "link": Command("Link", "L", "Tie both cameras through the fit", "link", False, "link"),
+    "overlay": Command(
+        "Overlay",
+        "O",
+        "Show the fitted source in the reference's view",
+        "overlay",
+        False,
+        "overlay",
+    ),
+    "swap": Command(
+        "Swap", "X", "Show one cloud, then the other, in place", "swap", None, "overlay"
+    ),
+    "next_places": Command("Next", "", "Mark where to pick next", "next", True, "link"),
+    "pane": Command("Tabs", "F9", "Show or hide Align, Errors and Report", "pane", True),
+    "escape": Command("Stop", "Esc", "Cancel the job, else drop the open half, else stop picking"),
+    "delete": Command("Delete pairs", "Del", "Delete the selected pairs"),
+    "role": Command("Control, check, off", "", "Space: change the role of the selected pairs"),
+    "new_pair": Command("Type a pair", "Ins", "Begin a pair and type its coordinates"),
+    "next_pair": Command("Next pair", "N", "Select the next pair; both views fly there"),
+    "previous_pair": Command("Previous pair", "Shift+N", "Select the pair before"),
+    "ghost": Command("Go to the ghost", "G", "Fly to where the open half should be"),
+    "eye_dome": Command("Eye-dome lighting", "E", "Turn eye-dome lighting on or off", "", True),
+    "fit_view": Command("Fit view", "F", "See the whole of both clouds"),
+    "front": Command("Front", "1", "Look from the front"),
+    "right": Command("Right", "3", "Look from the right"),
+    "top": Command("Top", "7", "Look from the top"),
+    "parallel": Command("Parallel", "5", "Perspective or parallel", "", False),
+    "larger": Command("Larger points", "+ =", "Draw larger points"),
+    "smaller": Command("Smaller points", "-", "Draw smaller points"),
+    "open_session": Command(
+        "Open session or project…",
+        "Ctrl+Shift+O",
+        "Open a .trig.json or a project.toml",
+        needs="open",
+    ),
+    "save": Command("Save session", "Ctrl+S", "Save the session"),
+    "save_as": Command("Save session as…", "Ctrl+Shift+S", "Save the session elsewhere"),
+    "write_project": Command("Write project.toml…", "", "For trigpoint audit, with its picks.csv"),
+    "choose_crs": Command("CRS of the reference…", "", "Assign a CRS; nothing is reprojected"),
+    "import_picks": Command("Import picks…", "", "Pairs of a picks.csv"),
+    "import_source": Command("Import source points…", "", "CloudCompare's list of one side"),
+    "import_target": Command("Import reference points…", "", "CloudCompare's list of one side"),
+    "export_picks": Command("Export picks…", "", "For trigpoint, QGIS or CloudCompare"),
+    "save_aligned": Command(
+        "Save aligned cloud…", "", "Carry the source into the reference's frame", needs="export"
+    ),
+    "second_begin": Command("Begin", "", "Hide the picks; a second operator picks them again"),
+    "second_adopt": Command("Finish, take the sigma found", "", "For pairs that state none"),
+    "second_keep": Command("Finish, change no sigma", "", "Only say how far the picks lie apart"),
+    "second_cancel": Command("Give up", "", "Bring the first picks back"),
+    "compare": Command("Compare", "", "Measure accuracy and completeness", needs="errors"),
+    "icp": Command("Try ICP", "", "Put rigid ICP on trial", needs="errors"),
+    "report": Command("Make the report", "Ctrl+E", "Run the audit", needs="report"),
+    "demo": Command("Open the clock tower", "", "A made-up project with known truth", needs="open"),
+    "help": Command("Keys", "F1", "What the keys do"),
+}
+HELD = ("Z, held", "Magnify at the mouse, in both views")
+IN_TABLE = ("Space", "Control, check or off, for the selected pairs")
+
+
+def make_actions(panel: QWidget) -> dict[str, QAction]:
+    """Make the actions of a panel; their keys work while the focus is somewhere in it."""
+    made = {}
+    for name, command in COMMANDS.items():
+        action = QAction(command.text, panel)
+        action.setObjectName(name)
+        action.setShortcuts([QKeySequence(keys) for keys in command.keys.split()])
+        # A host such as QGIS keeps its own keys.
+        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+        first = command.keys.split()[:1]
+        action.setToolTip(f"{command.about} ({first[0]})" if first else command.about)
+        if command.checked is not None:
+            action.setCheckable(True)
+            action.setChecked(command.checked)
+        panel.addAction(action)
+        made[name] = action
+    return made
+
+
+def keys_told() -> list[tuple[str, str]]:
+    """Return every key and what it does."""
+    told = [
+        (" or ".join(command.keys.split()), command.about)
+        for command in COMMANDS.values()
+        if command.keys
+    ]
+    return [*told, IN_TABLE, HELD]
