@@ -1,0 +1,167 @@
+"""What the four algorithms share: what they need, how they speak, and how they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from qgis.core import (
+    QgsProcessing,
+    QgsProcessingAlgorithm,
+    QgsProcessingContext,
+    QgsProcessingException,
+    QgsProcessingLayerPostProcessorInterface,
+    QgsProcessingParameterDefinition,
+    QgsProcessingParameterNumber,
+)
+from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtGui import QIcon
+
+from trigpoint_qgis import deps, layers
+
+ICON = Path(__file__).parents[1] / "icon.svg"
+DOUBLE = QgsProcessingParameterNumber.Type.Double
+INTEGER = QgsProcessingParameterNumber.Type.Integer
+ADVANCED = QgsProcessingParameterDefinition.Flag.FlagAdvanced
+TYPES = QgsProcessing.SourceType
+
+
+class StoppedError(Exception):
+    """The user cancelled."""
+
+
+class TrigpointAlgorithm(QgsProcessingAlgorithm):
+    """An algorithm that calls trigpoint; a kind of it says what it reads and makes."""
+
+    NAME = ""
+    TITLE = ""
+    HELP = ""
+
+    def __init__(self) -> None:
+        super().__init__()
+        # Processing keeps no reference to these, and styles layers after the algorithm is done.
+        self.stylers: list[Styler] = []
+
+    def name(self) -> str:
+        """Return the name after the provider's prefix."""
+        return self.NAME
+
+    def displayName(self) -> str:
+        """Return the name in the toolbox."""
+        return self.tr(self.TITLE)
+
+    def shortHelpString(self) -> str:
+        """Return the help beside the parameters."""
+        return self.tr(self.HELP)
+
+    def icon(self) -> QIcon:
+        """Return the icon in the toolbox."""
+        return QIcon(str(ICON))
+
+    def createInstance(self) -> TrigpointAlgorithm:
+        """Return a fresh one, for one run."""
+        return type(self)()
+
+    def tr(self, text: str) -> str:
+        """Translate."""
+        return QCoreApplication.translate("Trigpoint", text)
+
+    def canExecute(self) -> tuple[bool, str]:
+        """Say whether the packages are there, and which are not."""
+        message = deps.explain(deps.lacking(deps.ENGINE))
+        return not message, message
+
+    def processAlgorithm(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: Any
+    ) -> dict[str, Any]:
+        """Run; what trigpoint refuses is told in its own sentence."""
+        possible, reason = self.canExecute()
+        if not possible:
+            raise QgsProcessingException(reason)
+        deps.load()
+        with told():
+            try:
+                return self.work(parameters, context, feedback)
+            except StoppedError:
+                return {}
+
+    def work(
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: Any
+    ) -> dict[str, Any]:
+        """Do the work and return the outputs: plain numbers and strings."""
+        raise NotImplementedError
+
+    def number(self, name: str, title: str, kind: Any, default: Any, **limits: Any) -> None:
+        """Add a number to the advanced parameters."""
+        given = QgsProcessingParameterNumber(name, self.tr(title), kind, default, **limits)
+        given.setFlags(given.flags() | ADVANCED)
+        self.addParameter(given)
+
+    def numbers_of(self, text: str, name: str) -> tuple[float, ...]:
+        """Read a list of numbers separated by commas."""
+        try:
+            return tuple(float(part) for part in text.replace(";", ",").split(",") if part.strip())
+        except ValueError:
+            message = f"{name} is {text!r}; it must be numbers separated by commas."
+            raise QgsProcessingException(message) from None
+
+    def loaded(
+        self, layer_id: str, name: str, kind: str, context: QgsProcessingContext, **more: float
+    ) -> None:
+        """Name and style a layer, where Processing is to add it to the map."""
+        if context.willLoadLayerOnCompletion(layer_id):
+            details = context.layerToLoadOnCompletionDetails(layer_id)
+            details.name = name
+            self.stylers.append(Styler(kind, more))
+            details.setPostProcessor(self.stylers[-1])
+
+
+class Styler(QgsProcessingLayerPostProcessorInterface):
+    """Styles one layer once it is in the map."""
+
+    def __init__(self, kind: str, more: dict[str, float]) -> None:
+        super().__init__()
+        self.kind, self.more = kind, more
+
+    def postProcessLayer(self, layer: Any, _context: Any, _feedback: Any) -> None:
+        """Style it."""
+        layers.style(layer, self.kind, **self.more)
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """Turn what is refused or can't be read into the sentence that Processing shows."""
+    from trigpoint.errors import TrigpointError
+
+    try:
+        yield
+    except (TrigpointError, ValueError) as error:
+        raise QgsProcessingException(str(error)) from error
+    except OSError as error:
+        where = f": {error.filename}" if error.filename else ""
+        message = f"{error.strerror or error}{where}"
+        raise QgsProcessingException(message) from error
+
+
+def sayer(feedback: Any) -> Callable[[str], None]:
+    """Return what tells Processing of each step, and stops between two where the user cancels."""
+
+    def say(step: str) -> None:
+        if feedback.isCanceled():
+            raise StoppedError
+        feedback.setProgressText(step)
+
+    return say
+
+
+def warn(feedback: Any, cautions: Any) -> None:
+    """Tell of doubts."""
+    for caution in cautions:
+        feedback.pushWarning(caution.message)
+
+
+def crs_text(crs: Any) -> str:
+    """Return what trigpoint takes for a CRS parameter: its code, else its WKT, else nothing."""
+    return (crs.authid() or crs.toWkt()) if crs.isValid() else ""

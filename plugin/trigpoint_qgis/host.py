@@ -1,0 +1,178 @@
+"""QGIS as the panel's host: its settings, message bar, task manager, dialogs and map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from qgis.core import Qgis, QgsApplication, QgsProject, QgsSettings, QgsTask
+from qgis.gui import QgsMessageBar, QgsProjectionSelectionDialog
+from qgis.PyQt.QtCore import QUrl
+from qgis.PyQt.QtGui import QDesktopServices
+from qgis.PyQt.QtWidgets import QFileDialog, QPushButton, QWidget
+
+from trigpoint_qgis import auditing, results
+
+PREFIX = "trigpoint/"
+LEVELS = {
+    "info": Qgis.MessageLevel.Info,
+    "success": Qgis.MessageLevel.Success,
+    "warning": Qgis.MessageLevel.Warning,
+    "error": Qgis.MessageLevel.Critical,
+}
+# Errors and warnings stay until they are closed.
+SECONDS = {"info": 8, "success": 8, "warning": 0, "error": 0}
+
+
+class QgisHost:
+    """The host of the panel in QGIS.
+
+    Parameters
+    ----------
+    window : QWidget
+        Over which dialogs open.
+    bar : QgsMessageBar
+        In which messages appear: the panel's own, since a floating panel may cover QGIS's.
+    """
+
+    def __init__(self, window: QWidget, bar: QgsMessageBar) -> None:
+        self._window, self._bar = window, bar
+        self._tasks: list[_JobTask] = []
+        self._dialogs: list[Any] = []
+
+    def setting(self, key: str, default: Any) -> Any:
+        """Return what the user chose before, as a value of the default's type."""
+        found = QgsSettings().value(PREFIX + key, default)
+        if isinstance(default, bool) and isinstance(found, str):
+            return found == "true"
+        if isinstance(default, (int, float)) and found is not None:
+            try:
+                return type(default)(found)
+            except (TypeError, ValueError):
+                return default
+        return found
+
+    def set_setting(self, key: str, value: Any) -> None:
+        """Remember what the user chose."""
+        QgsSettings().setValue(PREFIX + key, value)
+
+    def message(
+        self,
+        level: str,
+        text: str,
+        details: str = "",
+        actions: Sequence[tuple[str, Callable[[], object]]] = (),
+    ) -> None:
+        """Tell the user something in the panel's message bar."""
+        item = self._bar.createMessage("", text)
+        if details:
+            actions = (*actions, (self._window.tr("Details"), lambda: self._details(text, details)))
+            QgsApplication.messageLog().logMessage(f"{text}\n{details}", "Trigpoint", LEVELS[level])
+        for title, action in actions:
+            button = QPushButton(title, item)
+            button.clicked.connect(lambda _checked=False, act=action: act())
+            item.layout().addWidget(button)
+        self._bar.pushWidget(item, LEVELS[level], SECONDS[level])
+
+    def clear_messages(self) -> None:
+        """Take away what no longer holds."""
+        self._bar.clearWidgets()
+
+    def run(self, job: Any) -> None:
+        """Run a job as a task of QGIS, with its place in the task bar."""
+        self._tasks = [task for task in self._tasks if not task.job.settled]
+        task = _JobTask(job)
+        self._tasks.append(task)
+        QgsApplication.taskManager().addTask(task)
+
+    def open_file(self, title: str, filters: str) -> Path | None:
+        """Let the user choose a file that is there."""
+        name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder(), filters)
+        return self._remembered(name)
+
+    def save_file(self, title: str, filters: str, suggestion: str) -> Path | None:
+        """Let the user choose where a file goes."""
+        place = str(Path(self._folder()) / suggestion)
+        name, _ = QFileDialog.getSaveFileName(self._window, title, place, filters)
+        return self._remembered(name)
+
+    def choose_crs(self, current: str, chosen: Callable[[str], object]) -> None:
+        """Let the user choose a CRS in QGIS's own dialog, which blocks nothing."""
+        from qgis.core import QgsCoordinateReferenceSystem
+
+        dialog = QgsProjectionSelectionDialog(self._window)
+        named = QgsCoordinateReferenceSystem(current) if current else QgsProject.instance().crs()
+        if named.isValid():
+            dialog.setCrs(named)
+        dialog.accepted.connect(lambda: chosen(dialog.crs().authid() or dialog.crs().toWkt()))
+        dialog.finished.connect(lambda _result: self._dialogs.remove(dialog))
+        self._dialogs.append(dialog)
+        dialog.setModal(False)
+        dialog.show()
+
+    def add_layer(self, path: Path, kind: str) -> None:
+        """Add a result to the map."""
+        results.add(Path(path), kind)
+
+    def open_document(self, path: Path) -> None:
+        """Open a finished document with what the desktop opens such with."""
+        QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+
+    def python(self) -> Sequence[str]:
+        """Return the command of the interpreter that holds the packages, for child processes."""
+        return auditing.interpreter()
+
+    def shutdown(self) -> None:
+        """Cancel what runs, and wait up to two seconds for it to end."""
+        for dialog in list(self._dialogs):
+            dialog.close()
+        for task in self._tasks:
+            if not task.job.settled:
+                task.job.cancel()
+                task.waitForFinished(2000)
+        self._tasks.clear()
+
+    def _details(self, text: str, details: str) -> None:
+        from qgis.core import QgsMessageOutput
+
+        output = QgsMessageOutput.createMessageOutput()
+        output.setTitle("Trigpoint")
+        kind = getattr(Qgis, "StringFormat", None)
+        plain = kind.PlainText if kind else QgsMessageOutput.MessageType.MessageText
+        output.setMessage(f"{text}\n\n{details}", plain)
+        output.showMessage(False)
+
+    def _folder(self) -> str:
+        return str(self.setting("folder", QgsProject.instance().homePath() or str(Path.home())))
+
+    def _remembered(self, name: str) -> Path | None:
+        if not name:
+            return None
+        path = Path(name)
+        self.set_setting("folder", str(path.parent))
+        return path
+
+
+class _JobTask(QgsTask):
+    """One of the panel's jobs, as a task of QGIS."""
+
+    def __init__(self, job: Any) -> None:
+        super().__init__(f"Trigpoint: {job.title}", QgsTask.Flag.CanCancel)
+        self.job = job
+        job.progress.connect(self._tell)
+
+    def run(self) -> bool:
+        """Do the work, in a thread of QGIS's."""
+        self.job.run()
+        return True
+
+    def cancel(self) -> None:
+        """Give up on it: the user asked QGIS to."""
+        if self.job.running:
+            self.job.cancel()
+        super().cancel()
+
+    def _tell(self, fraction: float, _text: str) -> None:
+        if fraction >= 0:
+            self.setProgress(100 * fraction)

@@ -1,0 +1,217 @@
+"""The provider and its algorithms inside QGIS's own Python."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("qgis.core", reason="this Python is not QGIS's; .ci/qgis.sh makes one that is")
+pytest.importorskip("pytest_qgis", reason="pytest-qgis is not installed")
+
+from qgis.core import (
+    QgsApplication,
+    QgsProcessingException,
+    QgsProject,
+    QgsRasterLayer,
+    QgsVectorLayer,
+)
+
+from trigpoint_qgis import deps, results
+
+pytestmark = pytest.mark.qgis
+
+
+@pytest.fixture
+def provider(qgis_processing):  # noqa: ARG001
+    from trigpoint_qgis.provider import TrigpointProvider
+
+    provider = TrigpointProvider()
+    QgsApplication.processingRegistry().addProvider(provider)
+    yield provider
+    QgsApplication.processingRegistry().removeProvider(provider)
+
+
+@pytest.fixture
+def run(provider):  # noqa: ARG001
+    import processing
+
+    return processing.run
+
+
+def test_the_provider_has_its_four_algorithms(provider):
+    names = {algorithm.id() for algorithm in provider.algorithms()}
+    assert names == {f"trigpoint:{name}" for name in ("align", "apply", "audit", "compare")}
+    assert provider.warningMessage() == ""
+    assert not provider.icon().isNull()
+    for algorithm in provider.algorithms():
+        assert algorithm.canExecute()[0]
+        assert len(algorithm.shortHelpString()) > 100
+
+
+def test_align_gives_the_similarity_and_its_picks_with_residuals(run, small_project, tmp_path):
+    project, truth = small_project()
+    found = run(
+        "trigpoint:align",
+        {
+            "PICKS": str(project.with_name("picks.csv")),
+            "CRS": "EPSG:32615",
+            "EXAGGERATION": 10,
+            "SIMILARITY": str(tmp_path / "similarity.json"),
+            "POINTS": str(tmp_path / "points.gpkg"),
+            "VECTORS": str(tmp_path / "vectors.gpkg"),
+        },
+    )
+    assert found["SCALE"] == pytest.approx(truth.scale, rel=5e-3)
+    assert found["INLIERS"] == 6
+    assert found["GEOMETRY"] == "sound"
+    for value in found.values():
+        assert type(value) in (str, float, int), "a numpy scalar becomes an empty string"
+    stored = json.loads((tmp_path / "similarity.json").read_text())
+    assert stored["crs"] == "EPSG:32615"
+    points = QgsVectorLayer(found["POINTS"], "points", "ogr")
+    assert points.featureCount() == 8
+    assert points.crs().authid() == "EPSG:32615"
+    by_id = {feature["id"]: feature for feature in points.getFeatures()}
+    assert {by_id[f"c{i}"]["role"] for i in (6, 7)} == {"check"}
+    residual = next(row for row in stored["residuals"] if row["id"] == "c0")
+    assert by_id["c0"]["d_m"] == pytest.approx(residual["d_m"], abs=1e-9)
+    vectors = QgsVectorLayer(found["VECTORS"], "vectors", "ogr")
+    line = next(f for f in vectors.getFeatures() if f["id"] == "c0").geometry()
+    assert line.length() == pytest.approx(10 * np.hypot(residual["dx_m"], residual["dy_m"]))
+    ends = list(line.vertices())
+    assert ends[1].x() == pytest.approx(by_id["c0"].geometry().constGet().x())
+    assert ends[1].x() - ends[0].x() == pytest.approx(10 * residual["dx_m"], abs=1e-6)
+
+
+def test_align_tells_what_it_refuses_in_its_own_sentence(run, tmp_path):
+    picks = tmp_path / "picks.csv"
+    picks.write_text(
+        "id,source_x,source_y,source_z,target_x,target_y,target_z\na,0,0,0,1,1,1\nb,1,0,0,2,1,1\n"
+    )
+    with pytest.raises(QgsProcessingException, match=r"(?i)at least 3|three"):
+        run("trigpoint:align", {"PICKS": str(picks), "SIMILARITY": str(tmp_path / "s.json")})
+    assert not (tmp_path / "s.json").exists()
+
+
+def test_apply_carries_every_point_there_and_back(run, small_project, tmp_path):
+    from trigpoint.canonical import to_json
+    from trigpoint.files import read
+
+    project, truth = small_project()
+    fit = {
+        "scale": truth.scale,
+        "rotation": truth.rotation.tolist(),
+        "translation": truth.translation.tolist(),
+        "crs": "EPSG:32615",
+    }
+    (tmp_path / "fit.json").write_text(to_json(fit))
+    source, there, back = project.with_name("nerf.ply"), tmp_path / "a.laz", tmp_path / "b.ply"
+    common = {"SIMILARITY": str(tmp_path / "fit.json")}
+    found = run("trigpoint:apply", common | {"INPUT": str(source), "OUTPUT": str(there)})
+    assert found == {"OUTPUT": str(there), "COUNT": 8000}
+    run("trigpoint:apply", common | {"INPUT": str(there), "OUTPUT": str(back), "INVERSE": True})
+    np.testing.assert_allclose(read(back).coordinates, read(source).coordinates, atol=1e-3)
+
+
+def test_compare_maps_what_it_measures(run, small_project, tmp_path):
+    project, _ = small_project()
+    found = run(
+        "trigpoint:compare",
+        {
+            "RECONSTRUCTION": str(project.with_name("sfm.laz")),
+            "REFERENCE": str(project.with_name("lidar.laz")),
+            "VOXEL": 0.2,
+            "CELL": 1.0,
+            "RESULTS": str(tmp_path / "results.json"),
+            "COMPLETENESS": str(tmp_path / "completeness.tif"),
+            "ERROR": str(tmp_path / "error.tif"),
+            "FOOTPRINT": str(tmp_path / "footprint.gpkg"),
+        },
+    )
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert found["ACCURACY_RMSE"] == results["accuracy"]["all"]["rmse_m"]
+    assert 0 < found["ACCURACY_RMSE"] < 1
+    completeness = QgsRasterLayer(found["COMPLETENESS"])
+    error = QgsRasterLayer(found["ERROR"])
+    for raster in (completeness, error):
+        assert raster.crs().authid() == "EPSG:32615"
+        assert raster.rasterUnitsPerPixelX() == 1.0
+    statistics = completeness.dataProvider().bandStatistics(1)
+    assert 0 <= statistics.minimumValue <= statistics.maximumValue <= 100
+    footprint = QgsVectorLayer(found["FOOTPRINT"], "footprint", "ogr")
+    (feature,) = footprint.getFeatures()
+    assert feature.geometry().area() == pytest.approx(feature["area_m2"])
+    # The ground about the building measures 16 x 14 m.
+    assert 150 < feature["area_m2"] < 16 * 18
+
+
+def test_compare_refuses_what_it_can_t_use(run, small_project, tmp_path):
+    project, _ = small_project()
+    given = {
+        "RECONSTRUCTION": str(project.with_name("sfm.laz")),
+        "REFERENCE": str(project.with_name("lidar.laz")),
+        "RESULTS": str(tmp_path / "r.json"),
+    }
+    with pytest.raises(QgsProcessingException, match="numbers separated by commas"):
+        run("trigpoint:compare", given | {"WITHIN": "a, b"})
+    (tmp_path / "cut.laz").write_bytes(project.with_name("sfm.laz").read_bytes()[:5000])
+    with pytest.raises(QgsProcessingException, match=r"cut\.laz"):
+        run("trigpoint:compare", given | {"RECONSTRUCTION": str(tmp_path / "cut.laz")})
+
+
+def test_what_is_missing_is_named_before_anything_runs(provider, monkeypatch):
+    lack = deps.Lack("laspy", "2.5", None)
+    monkeypatch.setattr(deps, "lacking", lambda _: (lack,))
+    for algorithm in provider.algorithms():
+        possible, reason = algorithm.canExecute()
+        assert not possible
+        assert "laspy is missing" in reason
+    assert "laspy is missing" in provider.warningMessage()
+
+
+@pytest.fixture
+def bundle(small_project):
+    """A bundle as an audit leaves it, without its report."""
+    from trigpoint.bundle import bundle_folder, fill_bundle
+    from trigpoint.pipeline import audit
+    from trigpoint_reporting.sealing import write_record
+
+    project, _ = small_project()
+    done = audit(project)
+    made = bundle_folder(done.project, None)
+    made.mkdir(parents=True)
+    found = done.results()
+    fill_bundle(made, done, found)
+    write_record(made, done, found)
+    return made
+
+
+def test_a_bundle_is_drawn_beside_it_and_shown_in_a_group(bundle, qgis_new_project):  # noqa: ARG001
+    before = sorted(bundle.rglob("*"))
+    drawn = results.draw(bundle, cell=1.0)
+    assert sorted(bundle.rglob("*")) == before, "a bundle is sealed"
+    assert {(each.title.split(":")[0], each.kind) for each in drawn} == {
+        *(("nerf", kind) for kind in ("completeness", "error", "footprint", "picks")),
+        ("nerf", "residual_vectors"),
+        *(("sfm", kind) for kind in ("completeness", "error", "footprint")),
+    }
+    results.show(drawn, "small")
+    (group,) = QgsProject.instance().layerTreeRoot().findGroups()
+    layers = [node.layer() for node in group.findLayers()]
+    assert len(layers) == 8
+    assert all(layer.isValid() and layer.crs().authid() == "EPSG:32615" for layer in layers)
+    picks = next(layer for layer in layers if layer.name() == "nerf: picks")
+    assert picks.featureCount() == 8
+    assert picks.labelsEnabled()
+    assert {feature["used"] for feature in picks.getFeatures()} == {"yes", "no"}
+    # Drawn again, over what is open: nothing is locked.
+    assert len(results.draw(bundle, cell=2.0)) == 8
+
+
+def test_the_footprint_of_a_cloud_is_drawn_beside_it(small_project):
+    project, _ = small_project()
+    (drawn,) = results.outline_of(project.with_name("sfm.laz"), cell=1.0)
+    layer = drawn.layer()
+    (feature,) = layer.getFeatures()
+    assert 150 < feature["area_m2"] < 16 * 18
+    assert layer.crs().authid() == "EPSG:32615"
