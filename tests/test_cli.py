@@ -236,3 +236,28 @@ def test_info_says_of_a_format_that_holds_no_crs_that_there_is_none(run, tmp_pat
     code, out, _ = run("info", tmp_path / "points.xyz", "--json")
     assert code == 0
     assert [warning["code"] for warning in json.loads(out)["warnings"]] == ["crs_missing"]
+
+
+def test_apply_gives_each_point_its_sigma_on_request(run, small, tmp_path):
+    _, out, _ = run("align", small / "picks.csv", "--crs", "EPSG:32615", "--json")
+    (tmp_path / "worth.json").write_text(out, encoding="utf-8")
+    there = tmp_path / "there.laz"
+    assert run("apply", tmp_path / "worth.json", small / "nerf.ply", there, "--sigma")[0] == 0
+    cloud = trigpoint.read(there)
+    worth = trigpoint.align(trigpoint.read_picks(small / "picks.csv")).reliability
+    sigmas = np.column_stack([cloud.attributes[name] for name in ("sigma_e", "sigma_n", "sigma_h")])
+    np.testing.assert_allclose(sigmas, worth.sigma(cloud.coordinates), rtol=1e-3)
+    assert "red" in cloud.attributes
+
+
+@pytest.mark.parametrize(
+    ("stored", "more", "words"),
+    [("s.json", [], "no covariance"), ("worth.json", ["--inverse"], "can't go with --inverse")],
+)
+def test_apply_refuses_sigmas_that_there_are_not(run, small, tmp_path, stored, more, words):
+    _, out, _ = run("align", small / "picks.csv", "--out", tmp_path / "s.json", "--json")
+    (tmp_path / "worth.json").write_text(out, encoding="utf-8")
+    there = tmp_path / "there.laz"
+    code, _, err = run("apply", tmp_path / stored, small / "nerf.ply", there, "--sigma", *more)
+    assert (code, there.exists()) == (2, False)
+    assert words in err

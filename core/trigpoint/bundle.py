@@ -122,7 +122,8 @@ def _clouds(folder: Path, judged: Judged, audit: Audit) -> None:
     name, crs = judged.given.name, audit.reference.cloud.crs
     if judged.alignment is not None:
         target = folder / f"{name}-georeferenced.laz"
-        carry(judged.given.path, target, judged.alignment.similarity, crs=crs)
+        sigma = judged.alignment.reliability.sigma if audit.project.alignment.sigma else None
+        carry(judged.given.path, target, judged.alignment.similarity, crs=crs, sigma=sigma)
     delivered, after = judged.delivered, judged.after_icp
     for direction, cloud, before, later in (
         (

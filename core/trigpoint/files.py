@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from trigpoint.crs import conversion_cautions, metre_factors, parse_crs
 from trigpoint.errors import CloudError, CrsError
 from trigpoint.formats.registry import READERS, WRITERS, backend_of, named, opened
 from trigpoint.formats.source import Box, Chunk, Plan, Source
-from trigpoint.similarity import Similarity
+from trigpoint.similarity import Points, Similarity
 
 PathLike = str | os.PathLike[str]
 Bounds = tuple[ArrayLike, ArrayLike]
@@ -29,6 +29,7 @@ Bounds = tuple[ArrayLike, ArrayLike]
 CHUNK = 1_000_000
 # Coordinates stored in steps above this, in metres, can't show centimetres.
 COARSE_M = 0.01
+SIGMAS = ("sigma_e", "sigma_n", "sigma_h")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,6 +239,7 @@ def carry(
     similarity: Similarity,
     *,
     crs: str | pyproj.CRS | None = None,
+    sigma: Callable[[Points], Points] | None = None,
 ) -> tuple[int, tuple[Caution, ...]]:
     """Carry a cloud file through a similarity into another file, with everything it holds.
 
@@ -249,6 +251,9 @@ def carry(
         Maps the source's coordinates, in metres where it has a CRS, to the target's.
     crs : str or pyproj.CRS, optional
         What the target's frame is.
+    sigma : callable, optional
+        Gives the standard deviations (n, 3) of points of the target frame, such as
+        `Reliability.sigma`: they become the attributes sigma_e, sigma_n and sigma_h, in metres.
 
     Returns
     -------
@@ -263,10 +268,17 @@ def carry(
         nonlocal count
         for cloud in stream(source):
             count += len(cloud)
-            yield cloud.transformed(similarity, crs=frame)
+            carried = cloud.transformed(similarity, crs=frame)
+            yield carried if sigma is None else _with_sigmas(carried, sigma(carried.coordinates))
 
     cautions = write(target, moved(), like=source)
     return count, cautions
+
+
+def _with_sigmas(cloud: PointCloud, sigmas: Points) -> PointCloud:
+    # Single precision: a standard deviation has no seven digits.
+    columns = zip(SIGMAS, sigmas.T.astype(np.float32), strict=True)
+    return replace(cloud, attributes=dict(cloud.attributes) | dict(columns))
 
 
 def _clouds(

@@ -58,13 +58,14 @@ class ReconstructionInput:
 
 @dataclass(frozen=True, slots=True)
 class AlignmentSettings:
-    """How the similarity is fitted."""
+    """How the similarity is fitted, and whether each georeferenced point is given its sigma."""
 
     method: Method = "ransac"
     threshold_m: float = 0.50
     trials: int = 10_000
     seed: int = 42
     weighted: bool = False
+    sigma: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from trigpoint.comparison import Comparison
 from trigpoint.errors import SimilarityError
 from trigpoint.flawless import Flawless
 from trigpoint.intervals import Intervals
-from trigpoint.similarity import Similarity
+from trigpoint.propagation import sigma_at
+from trigpoint.similarity import Points, Similarity
 from trigpoint.trial import Trial
 
 AXES = ["dx_m", "dy_m", "dz_m"]
@@ -167,13 +169,7 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
     SimilarityError
         If the file is missing, is not JSON, or holds no proper similarity.
     """
-    path = Path(path)
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, RecursionError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not JSON"
-        message = f"{path.name} can't be read as a similarity: {reason}."
-        raise SimilarityError(message) from error
+    path, stored = Path(path), _stored(path)
     if isinstance(stored, Mapping):
         stored = stored.get("alignment", stored)
     try:
@@ -199,6 +195,42 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
         raise SimilarityError(message)
     crs = stored.get("crs")
     return fit, str(crs) if crs else None
+
+
+def read_sigma(path: str | Path) -> Callable[[Points], Points]:
+    """Read what a similarity's covariance gives points of the target frame: sigmas (n, 3), metres.
+
+    Parameters
+    ----------
+    path : path
+        JSON: the whole output of `align --json`.
+
+    Raises
+    ------
+    SimilarityError
+        If it holds no covariance.
+    """
+    path, stored = Path(path), _stored(path)
+    try:
+        worth = stored["reliability"]
+        centroid = np.array(worth["centroid_m"], np.float64).reshape(3)
+        covariance = np.array(worth["covariance"], np.float64).reshape(7, 7)
+    except (KeyError, TypeError, ValueError) as error:
+        message = (
+            f"{path.name} holds no covariance to take sigmas from: give the whole output of "
+            "`trigpoint align --json`."
+        )
+        raise SimilarityError(message) from error
+    return partial(sigma_at, centroid=centroid, covariance=covariance)
+
+
+def _stored(path: str | Path) -> Any:
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except (OSError, RecursionError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not JSON"
+        message = f"{Path(path).name} can't be read as a similarity: {reason}."
+        raise SimilarityError(message) from error
 
 
 def _of_direction(table: pd.DataFrame, direction: str) -> pd.DataFrame:
@@ -248,6 +280,7 @@ def _reliability(alignment: Alignment) -> dict[str, Any]:
         "sigma0_high_m": worth.sigma0_high_m,
         "scale_low": worth.scale_low,
         "scale_high": worth.scale_high,
+        "centroid_m": worth.centroid,
         "covariance": worth.covariance,
         "rotation_sigma_deg": worth.rotation_sigma_deg,
         "picks": picks,

@@ -52,6 +52,7 @@ threshold_m = 0.50            # a pick is an inlier within this distance
 trials = 10000
 seed = 42
 weighted = false              # true: weight by the picks' sigmas
+sigma = false                 # true: the georeferenced LAZ holds each point's sigma_e, _n and _h
 
 [comparison]
 voxel_m = 0.10                # 0: no thinning

@@ -21,7 +21,7 @@ from trigpoint.comparison import WITHIN_M, measure
 from trigpoint.consensus import Method
 from trigpoint.crs import parse_crs
 from trigpoint.delivery import whole_folder
-from trigpoint.errors import RegionError, TrigpointError
+from trigpoint.errors import RegionError, SettingError, TrigpointError
 from trigpoint.files import carry
 from trigpoint.inspection import inspect
 from trigpoint.pipeline import try_icp
@@ -29,6 +29,7 @@ from trigpoint.preparation import prepare, thin
 from trigpoint.results import (
     alignment_results,
     comparison_results,
+    read_sigma,
     read_similarity,
     trial_results,
     warning_results,
@@ -213,11 +214,18 @@ def apply(
     source: Annotated[Path, Existing],
     target: Annotated[Path, Existing],
     inverse: Annotated[bool, typer.Option("--inverse", help="Carry it back.")] = False,
+    sigma: Annotated[
+        bool, typer.Option("--sigma", help="Give each point sigma_e, sigma_n, sigma_h in metres.")
+    ] = False,
     crs: Crs = "",
     as_json: AsJson = False,
 ) -> None:
     """Carry a cloud into the frame: every attribute kept, normals turned, faces carried."""
+    if sigma and inverse:
+        message = "--sigma is of georeferenced points: it can't go with --inverse."
+        raise SettingError(message)
     fit, stated_crs = read_similarity(similarity)
+    sigmas = read_sigma(similarity) if sigma else None
     with _progress() as say:
         say(f"carrying {source.name} to {target.name}")
         points, cautions = carry(
@@ -225,6 +233,7 @@ def apply(
             target,
             fit.inverse() if inverse else fit,
             crs=crs or (None if inverse else stated_crs),
+            sigma=sigmas,
         )
     warnings = warning_results(cautions)
     if as_json:
