@@ -457,3 +457,9 @@ def test_degenerate_picks_are_examined_without_an_error(count, shape, offset):
 @given(any_picks())
 def test_examining_never_raises(picks):
     examine(picks)
+
+
+def test_a_folder_that_is_none_is_said_to_be_unwritable(read, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PicksError, match=r"picks.csv can't be written: "):
+        write_picks(tmp_path / "file" / "picks.csv", read(lines(*ROWS)))

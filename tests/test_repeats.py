@@ -72,3 +72,9 @@ def test_no_repeats_are_refused():
         picking_sigma([first, second])
     with pytest.raises(ValueError, match="must be"):
         picking_sigma([first, second[:5]])
+
+
+def test_operators_apart_by_the_same_shift_everywhere_differ_beyond_doubt():
+    places = np.random.default_rng(0).uniform(0, 10, (5, 3))
+    assert picking_sigma([places, places + 1]).bias_p_value < 1e-12
+    assert picking_sigma([np.zeros((5, 3)), np.ones((5, 3))]).bias_p_value < 1e-12

@@ -12,6 +12,7 @@ import pandas as pd
 import pyproj
 from numpy.typing import ArrayLike, NDArray
 
+from trigpoint.canonical import write_text
 from trigpoint.cautions import Caution
 from trigpoint.crs import conversion_cautions, metre_factors
 from trigpoint.errors import PicksError
@@ -284,15 +285,11 @@ def write_picks(path: Path | str, picks: Picks, *, crs: pyproj.CRS | None = None
     optional["note"] = list(picks.notes)
     columns |= {name: cells for name, cells in optional.items() if any(cells)}
     columns |= {str(name): picks.extra[name].astype(str).tolist() for name in picks.extra}
-    beside = path.with_name(path.name + ".part")
     try:
-        beside.write_text(format_columns(columns), encoding="utf-8", newline="")
-        beside.replace(path)
+        write_text(path, format_columns(columns))
     except OSError as error:
         message = f"{path.name} can't be written: {error.strerror or error}."
         raise PicksError(message) from None
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _parse(text: str) -> PickTable:

@@ -133,5 +133,7 @@ def _bias(offsets: NDArray[np.float64]) -> float:
     spare = dof * (places - 1)
     if between <= 0:
         return 1.0
-    ratio = (between / dof) / (max(within, np.finfo(np.float64).tiny) / spare)
+    # Sessions that lie apart by the same shift everywhere leave nothing within them but rounding.
+    within = max(within, np.finfo(np.float64).eps * between)
+    ratio = (between / dof) / (within / spare)
     return float(f_sf(ratio, dof, spare))
