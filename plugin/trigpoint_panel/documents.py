@@ -15,7 +15,7 @@ from trigpoint.picks import FARTHEST
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
 from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
-from trigpoint_panel.projects import project_tables
+from trigpoint_panel.projects import project_tables, without_none
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
 FORMAT = "trigpoint-session/1"
@@ -233,7 +233,7 @@ def _project(tables: dict[str, Any], files: dict[str, Any], folder: Path) -> Pro
         if not isinstance(record, dict) or not isinstance(record.get("path"), str):
             _refuse(f"the path of its {name} is missing")
         paths[name] = _found(record["path"], folder)
-    tables = _without_none(tables)
+    tables = without_none(tables)
     if isinstance(date := tables.get("project", {}).get("date"), str):
         try:
             tables["project"]["date"] = dt.date.fromisoformat(date)
@@ -262,14 +262,12 @@ def _doubts(state: State, files: dict[str, Any], known: Fingerprints) -> list[st
         try:
             now = known.of(path, hashing="sha256" in record)
         except OSError:
-            doubts.append(f"{path.name} is not where the session left it ({path.parent}): open it.")
+            where = f"is not where the session left it ({path.parent}): open it again"
+            doubts.append(f"{path.name} {where}.")
             continue
         if any(key in record and record[key] != now[key] for key in ("bytes", "sha256")):
-            what = (
-                "its picks may not fit it"
-                if not name.startswith("picks")
-                else ("the pairs shown are the session's own")
-            )
+            is_picks = name.startswith("picks")
+            what = "the session keeps its own pairs" if is_picks else "its picks may not fit it"
             doubts.append(f"{path.name} has changed since the session was saved: {what}.")
     return doubts
 
@@ -365,13 +363,6 @@ def _typed(document: dict[str, Any], key: str, kind: type) -> Any:
     if not isinstance(value, kind):
         _refuse(f"its '{key}' is missing or of the wrong kind")
     return value
-
-
-def _without_none(value: Any) -> Any:
-    """TOML knows no null: what is None is left out."""
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""Points as other programs list them: CloudCompare picking lists, QGIS georeferencer points."""
+"""Pairs from files and to files: the engine's, CloudCompare's picking lists, QGIS's points."""
 
 from __future__ import annotations
 
@@ -12,8 +12,20 @@ import pyproj
 
 from trigpoint.canonical import write_text
 from trigpoint.errors import PicksError
-from trigpoint.picks import FARTHEST
-from trigpoint_panel.pairs import Pairs, Place, Side, complete
+from trigpoint.picks import FARTHEST, examine, read_picks, write_picks
+from trigpoint_panel.pairs import (
+    SIDES,
+    Pair,
+    Pairs,
+    Place,
+    Side,
+    complete,
+    exchanged,
+    find,
+    from_picks,
+    next_id,
+    to_picks,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +34,96 @@ class Point:
 
     name: str
     xyz: Place
+
+
+def with_picks(
+    pairs: Pairs, path: Path | str, *, crs: pyproj.CRS | None
+) -> tuple[Pairs, tuple[str, ...]]:
+    """Return the pairs with those of a picks.csv added, and doubts, a sentence each.
+
+    Raises
+    ------
+    TrigpointError
+        In a sentence, also for what another program's list is; or if an id is taken.
+    """
+    picks = read_picks(path, crs=crs)
+    added = from_picks(picks)
+    taken = sorted({pair.id for pair in pairs} & {pair.id for pair in added})
+    if taken:
+        message = (
+            f"{', '.join(taken[:5])} {'is' if len(taken) == 1 else 'are'} there already: rename, "
+            f"or import in place of the current pairs."
+        )
+        raise PicksError(message)
+    return (*pairs, *added), tuple(each.message for each in (*picks.cautions, *examine(picks)))
+
+
+def with_points(pairs: Pairs, path: Path | str, side: Side) -> tuple[Pairs, tuple[str, ...]]:
+    """Return the pairs with one side filled from a picking list, and the ids filled, in its order.
+
+    A point goes to the pair of its name, or without a name to the first pair whose half is open;
+    else it begins a pair.
+
+    Raises
+    ------
+    PicksError
+        In a sentence, if the file is no such list.
+    """
+    filled = []
+    for point in read_point_list(path):
+        pair = find(pairs, point.name)
+        if pair is None and not point.name:
+            pair = next((each for each in pairs if each.at(side) is None), None)
+        if pair is None:
+            pair = Pair(point.name or next_id(pairs))
+            pairs = (*pairs, pair)
+        placed = pair.placed(side, point.xyz, note=f"from {Path(path).name}")
+        pairs = exchanged(pairs, pair.id, placed)
+        filled.append(pair.id)
+    return pairs, tuple(filled)
+
+
+def export_pairs(pairs: Pairs, path: Path, *, crs: pyproj.CRS | None) -> tuple[Path, ...]:
+    """Write the complete pairs: .csv for the engine, .points for QGIS, .txt for CloudCompare.
+
+    Parameters
+    ----------
+    pairs : tuple of Pair
+    path : Path
+        Of .txt two lists are written, with the side in their names.
+    crs : pyproj.CRS or None
+        Of the target.
+
+    Returns
+    -------
+    tuple of Path
+        The files written.
+
+    Raises
+    ------
+    PicksError
+        If there is nothing to write, or no way to.
+    """
+    kind = path.suffix.lower()
+    if not complete(pairs):
+        message = "There is no complete pair to export."
+        raise PicksError(message)
+    if kind == ".csv":
+        write_picks(path, to_picks(pairs), crs=crs)
+        return (path,)
+    if kind == ".points":
+        write_points_file(path, pairs, crs)
+        return (path,)
+    if kind != ".txt":
+        message = (
+            f"Pairs are written as .csv (trigpoint), .points (QGIS) or .txt (CloudCompare), not "
+            f"as {path.suffix or path.name}."
+        )
+        raise PicksError(message)
+    written = tuple(path.with_stem(f"{path.stem}-{side}") for side in SIDES)
+    for side, each in zip(SIDES, written, strict=True):
+        write_point_list(each, pairs, side)
+    return written
 
 
 def is_point_list(path: Path | str) -> bool:
@@ -101,10 +203,12 @@ def write_points_file(path: Path, pairs: Pairs, crs: pyproj.CRS | None) -> None:
 
 
 def _cells(line: str) -> list[str]:
-    delimiter = next((mark for mark in ",;\t" if mark in line), None)
-    if delimiter is None:
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=delimiter))]
+    """Split a line at the mark that makes three or four cells of it."""
+    for mark in ",;\t":
+        cells = [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=mark))]
+        if len(cells) in (3, 4):
+            return cells
+    return line.split()
 
 
 def _is_header(cells: list[str]) -> bool:

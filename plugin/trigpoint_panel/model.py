@@ -2,85 +2,39 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
-from trigpoint.picks import examine, read_picks, write_picks
 from trigpoint.project import Project
 from trigpoint.similarity import Similarity
-from trigpoint_panel.exchange import read_point_list, write_point_list, write_points_file
+from trigpoint_panel.cells import NOTHING, PLACES, Column, Draft, typed_cell, typed_place
+from trigpoint_panel.exchange import export_pairs, with_picks, with_points
+from trigpoint_panel.ghosts import Ghost, distance_doubt, predict
 from trigpoint_panel.operators import Repeatability, repeatability, second_round, with_sigmas
 from trigpoint_panel.pairs import (
     ROLES,
-    SIDES,
     Pair,
     Pairs,
     Place,
     Role,
     Side,
-    complete,
     exchanged,
     find,
-    from_picks,
     next_id,
+    place_of,
     refuse_taken,
-    to_picks,
     waiting,
     without,
 )
-from trigpoint_panel.projects import reference_crs
+from trigpoint_panel.projects import checked, reference_crs
 from trigpoint_panel.state import Adopted, State, question, with_given, with_paths_of
 from trigpoint_panel.statistics import Fit, Survey, fit_pairs
-
-# A click further from its ghost than this many RMSE, and than this, deserves a word.
-GHOST_RMSES, GHOST_M = 4.0, 1.0
-
-Column = Literal[
-    "id",
-    "role",
-    "source_x",
-    "source_y",
-    "source_z",
-    "target_x",
-    "target_y",
-    "target_z",
-    "sigma_source",
-    "sigma_target",
-    "note",
-]
-AXES = ("x", "y", "z")
-
-
-@dataclass(frozen=True, slots=True)
-class Ghost:
-    """Where the fit of the other pairs expects the open half of a pair.
-
-    Attributes
-    ----------
-    id : str
-    side : {"source", "target"}
-        The half that is open.
-    xyz : tuple of three float
-    pairs : int
-        How many pairs put it there.
-    """
-
-    id: str
-    side: Side
-    xyz: Place
-    pairs: int
-
-    @property
-    def label(self) -> str:
-        """The pair's name with a question mark."""
-        return f"{self.id}?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +73,7 @@ class Model:
         self._done: list[_Step] = []
         self._undone: list[_Step] = []
         self._survey: Survey | None = None
-        self._drafts: dict[tuple[str, Side], tuple[float | None, ...]] = {}
+        self._drafts: dict[tuple[str, Side], Draft] = {}
         self._reported: object = None
 
     # What there is -----------------------------------------------------------------------------
@@ -170,21 +124,13 @@ class Model:
         operator, whose hand it would lead.
         """
         pair = pair or self.half_open
-        fit = self.fit.similarity
-        if pair is None or fit is None or self._state.is_second_operator:
+        if pair is None or self._state.is_second_operator:
             return None
-        if pair.source is not None and pair.target is None:
-            xyz = fit(np.array([pair.source]))[0]
-            return Ghost(pair.id, "target", _place(xyz), self.fit.controls)
-        if pair.target is not None and pair.source is None:
-            xyz = fit.inverse()(np.array([pair.target]))[0]
-            return Ghost(pair.id, "source", _place(xyz), self.fit.controls)
-        return None
+        return predict(pair, self.fit)
 
-    def draft(self, name: str, side: Side) -> tuple[float | None, float | None, float | None]:
+    def draft(self, name: str, side: Side) -> Draft:
         """Return what is typed so far of a half that is not whole yet."""
-        x, y, z = self._drafts.get((name, side), (None, None, None))
-        return x, y, z
+        return self._drafts.get((name, side), NOTHING)
 
     @property
     def is_stale(self) -> bool:
@@ -223,7 +169,8 @@ class Model:
         self._undone.clear()
         self._drafts.clear()
         self._reported = self._survey = None
-        self._set(state)
+        self._state = state
+        self._tell()
 
     # Clouds and settings -----------------------------------------------------------------------
 
@@ -250,21 +197,21 @@ class Model:
         self._tell()
 
     def set_alignment(self, **changes: Any) -> None:
-        """Change how the pairs are fitted: fields of AlignmentSettings."""
+        """Change how the pairs are fitted: fields of AlignmentSettings, or ProjectError."""
         project = self._state.project
         self._change_project("Change fit settings", alignment=replace(project.alignment, **changes))
 
     def set_comparison(self, **changes: Any) -> None:
-        """Change how the clouds are compared: fields of ComparisonSettings."""
+        """Change how the clouds are compared: fields of ComparisonSettings, or ProjectError."""
         settings = replace(self._state.comparison, **changes)
         self._change_project("Change comparison settings", comparison=settings)
 
     def set_about(self, **changes: Any) -> None:
-        """Change what the report says of the project: fields of About."""
+        """Change what the report says of the project: fields of About, or ProjectError."""
         self._change_project("Change project details", about=replace(self._state.about, **changes))
 
     def set_reference(self, **changes: Any) -> None:
-        """Change what is known of the reference, its `crs` among it: fields of ReferenceInput."""
+        """Change what is known of the reference: fields of ReferenceInput, or ProjectError."""
         reference = replace(self._state.project.reference, **changes)
         self._change_project("Change reference details", reference=reference)
 
@@ -289,9 +236,10 @@ class Model:
     def select_next(self, step: int = 1) -> None:
         """Select the next pair, or with -1 the one before, round and round."""
         names = [pair.id for pair in self._state.pairs]
-        if names:
-            at = names.index(self._state.selected) if self._state.selected in names else None
-            self.select(names[((at if at is not None else -min(step, 1)) + step) % len(names)])
+        if self._state.selected in names:
+            self.select(names[(names.index(self._state.selected) + step) % len(names)])
+        elif names:
+            self.select(names[0 if step > 0 else -1])
 
     def place(
         self, side: Side, xyz: ArrayLike, *, sigma: float | None = None, note: str = ""
@@ -318,21 +266,22 @@ class Model:
         PicksError
             For a coordinate that is not finite, and when a second operator has picked all.
         """
-        place = _place(xyz)
-        pair = waiting(self._state.pairs, self._state.selected, side)
-        if pair is None and self._state.is_second_operator:
+        place = place_of(xyz)
+        state = self._state
+        pair = waiting(state.pairs, state.selected, side, newest=not state.is_second_operator)
+        if pair is None and state.is_second_operator:
             message = "Every pair is picked again on this side: end the second operator's round."
             raise PicksError(message)
         warning = self._doubt(pair, side, place)
-        known = self._state.pairs
+        known = state.pairs
         if pair is None:
-            pair = Pair(next_id((*known, *(self._state.first or ()))))
+            pair = Pair(next_id(known))
             known = (*known, pair)
         filled = pair.placed(side, place, sigma=sigma, note=note)
         verb = "Complete" if filled.is_complete else "Pick"
         pairs = exchanged(known, pair.id, filled)
         selected = pair.id
-        if filled.is_complete and self._state.is_second_operator:
+        if filled.is_complete and state.is_second_operator:
             selected = next((each.id for each in pairs if not each.is_complete), pair.id)
         self._step(f"{verb} {pair.id} in the {side}", pairs=pairs, selected=selected)
         return Placed(pair.id, warning)
@@ -343,7 +292,7 @@ class Model:
         if pair is None:
             return None
         if self._state.is_second_operator:
-            blank = replace(pair.placed("source", None).placed("target", None))
+            blank = pair.placed("source", None).placed("target", None)
             pairs = exchanged(self._state.pairs, pair.id, blank)
         else:
             pairs = without(self._state.pairs, {pair.id})
@@ -352,7 +301,8 @@ class Model:
 
     def new_pair(self) -> str:
         """Begin a pair with both halves open, to type its coordinates, and select it."""
-        name = next_id((*self._state.pairs, *(self._state.first or ())))
+        self._refuse_second_operator()
+        name = next_id(self._state.pairs)
         self._step(f"New pair {name}", pairs=(*self._state.pairs, Pair(name)), selected=name)
         return name
 
@@ -366,7 +316,7 @@ class Model:
         note: str = "",
     ) -> None:
         """Put one half of a pair somewhere else."""
-        moved = self._known(name).placed(side, _place(xyz), sigma=sigma, note=note)
+        moved = self._known(name).placed(side, place_of(xyz), sigma=sigma, note=note)
         pairs = exchanged(self._state.pairs, name, moved)
         self._step(f"Move {name} in the {side}", pairs=pairs)
 
@@ -433,24 +383,21 @@ class Model:
         pair = self._known(name)
         if column == "id":
             self.rename(name, text)
-        elif column == "role":
-            role = text.strip().lower()
-            if role not in ROLES:
-                message = f"The role {text.strip()!r} is not known: type control, check or off."
-                raise PicksError(message)
-            self.set_role({name}, role)
-        elif column == "note":
-            self._exchange(f"Edit note of {name}", replace(pair, note=" ".join(text.split())))
-        elif column in ("sigma_source", "sigma_target"):
-            sigma = _number(text) if text.strip() else None
-            if sigma is not None and not sigma > 0:
-                message = f"A sigma of {text.strip()} can't be: type a number above zero, or none."
-                raise PicksError(message)
-            changes: dict[str, Any] = {column: sigma}
-            self._exchange(f"Edit sigma of {name}", replace(pair, **changes))
+        elif column in PLACES:
+            side, axis = PLACES[column]
+            half = pair.at(side) or self.draft(name, side)
+            typed = typed_place(half, axis, text)
+            x, y, z = typed
+            if x is None or y is None or z is None:
+                self._drafts[name, side] = typed
+                self._tell()
+                return
+            self._drafts.pop((name, side), None)
+            if (x, y, z) != pair.at(side):
+                self.move(name, side, (x, y, z), note="typed")
         else:
-            side, _, axis = column.partition("_")
-            self._edit_place(pair, cast(Side, side), AXES.index(axis), text)
+            edited = typed_cell(pair, column, text)
+            self._step(f"Edit {name}", pairs=exchanged(self._state.pairs, name, edited))
 
     # Files and operators -----------------------------------------------------------------------
 
@@ -468,18 +415,11 @@ class Model:
             In a sentence, also for what another program's list is; or if an id is taken.
         """
         self._refuse_second_operator()
-        picks = read_picks(path, crs=reference_crs(self._state.project))
-        added = from_picks(picks)
+        crs = reference_crs(self._state.project)
         kept = () if replacing else self._state.pairs
-        taken = sorted({pair.id for pair in kept} & {pair.id for pair in added})
-        if taken:
-            message = (
-                f"{', '.join(taken[:5])} {'is' if len(taken) == 1 else 'are'} there already: "
-                f"rename, or import in place of the current pairs."
-            )
-            raise PicksError(message)
-        self._step(f"Import {Path(path).name}", pairs=(*kept, *added))
-        return tuple(caution.message for caution in (*picks.cautions, *examine(picks)))
+        pairs, doubts = with_picks(kept, path, crs=crs)
+        self._step(f"Import {Path(path).name}", pairs=pairs)
+        return doubts
 
     def import_points(self, path: Path | str, side: Side) -> tuple[str, ...]:
         """Fill the halves of one side from a CloudCompare picking list.
@@ -498,19 +438,9 @@ class Model:
             In a sentence, if the file is no such list; the pairs are as they were.
         """
         self._refuse_second_operator()
-        pairs, filled = self._state.pairs, []
-        for point in read_point_list(path):
-            pair = find(pairs, point.name)
-            if pair is None and not point.name:
-                pair = next((each for each in pairs if each.at(side) is None), None)
-            if pair is None:
-                pair = Pair(point.name or next_id(pairs))
-                pairs = (*pairs, pair)
-            placed = pair.placed(side, point.xyz, note=f"from {Path(path).name}")
-            pairs = exchanged(pairs, pair.id, placed)
-            filled.append(pair.id)
+        pairs, filled = with_points(self._state.pairs, path, side)
         self._step(f"Import {Path(path).name} as {side}", pairs=pairs)
-        return tuple(filled)
+        return filled
 
     def export_picks(self, path: Path | str) -> tuple[Path, ...]:
         """Write the complete pairs: .csv for the engine, .points for QGIS, .txt for CloudCompare.
@@ -527,27 +457,8 @@ class Model:
         TrigpointError
             If there is nothing to write, or no way to.
         """
-        path = Path(path)
-        pairs, crs = self._state.first or self._state.pairs, reference_crs(self._state.project)
-        if not complete(pairs):
-            message = "There is no complete pair to export."
-            raise PicksError(message)
-        if path.suffix.lower() == ".csv":
-            write_picks(path, to_picks(pairs), crs=crs)
-            return (path,)
-        if path.suffix.lower() == ".points":
-            write_points_file(path, pairs, crs)
-            return (path,)
-        if path.suffix.lower() != ".txt":
-            message = (
-                f"Pairs are written as .csv (trigpoint), .points (QGIS) or .txt (CloudCompare), "
-                f"not as {path.suffix or path.name}."
-            )
-            raise PicksError(message)
-        written = tuple(path.with_stem(f"{path.stem}-{side}") for side in SIDES)
-        for side, each in zip(SIDES, written, strict=True):
-            write_point_list(each, pairs, side)
-        return written
+        pairs = self._state.first or self._state.pairs
+        return export_pairs(pairs, Path(path), crs=reference_crs(self._state.project))
 
     def begin_second_operator(self) -> None:
         """Hide the pairs, and have a second operator pick the same places again."""
@@ -598,27 +509,6 @@ class Model:
 
     # How it is done ----------------------------------------------------------------------------
 
-    def _edit_place(self, pair: Pair, side: Side, axis: int, text: str) -> None:
-        numbers = _numbers(text)
-        if len(numbers) == 3:
-            whole: list[float | None] = list(numbers)
-        elif len(numbers) == 1:
-            whole = list(pair.at(side) or self.draft(pair.id, side))
-            whole[axis] = numbers[0]
-        else:
-            message = f"{text.strip()!r} is not a coordinate: type one number, or x, y and z."
-            raise PicksError(message)
-        if any(value is None for value in whole):
-            self._drafts[pair.id, side] = tuple(whole)
-            self._tell()
-            return
-        self._drafts.pop((pair.id, side), None)
-        typed = pair.placed(side, _place(cast(list[float], whole)), note="typed")
-        self._exchange(f"Type {pair.id} in the {side}", typed)
-
-    def _exchange(self, text: str, pair: Pair) -> None:
-        self._step(text, pairs=exchanged(self._state.pairs, pair.id, pair))
-
     def _known(self, name: str) -> Pair:
         pair = find(self._state.pairs, name)
         if pair is None:
@@ -643,16 +533,10 @@ class Model:
         if same is not None:
             return f"That is {same}'s point already. Keep?"
         ghost = None if pair is None else self.ghost(pair)
-        fit = self.fit
-        if ghost is None or ghost.side != side or fit.similarity is None:
-            return ""
-        apart = math.dist(ghost.xyz, place) * (fit.similarity.scale if side == "source" else 1.0)
-        if apart <= max(GHOST_RMSES * fit.rmse_m, GHOST_M):
-            return ""
-        return f"{apart:.1f} m from where {ghost.pairs} pairs put it. Keep?"
+        return "" if ghost is None or ghost.side != side else distance_doubt(ghost, place, self.fit)
 
     def _change_project(self, text: str, **changes: Any) -> None:
-        self._step(text, project=replace(self._state.project, **changes))
+        self._step(text, project=checked(replace(self._state.project, **changes)))
 
     def _step(self, text: str, **changes: Any) -> None:
         after = replace(self._state, **changes)
@@ -675,35 +559,3 @@ class Model:
     def _tell(self) -> None:
         for listener in tuple(self.changed):
             listener()
-
-
-def _place(xyz: ArrayLike) -> Place:
-    values = np.asarray(xyz, np.float64)
-    if values.shape != (3,) or not np.isfinite(values).all():
-        message = f"{values.tolist()} is no place: give three finite numbers."
-        raise PicksError(message)
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def _numbers(text: str) -> list[float]:
-    """Read one number, or three between blanks, semicolons or commas."""
-    cells = text.replace(";", " ").split()
-    if len(cells) == 1 and cells[0].count(",") == 2:
-        cells = cells[0].split(",")
-    return [_number(cell.rstrip(",")) for cell in cells]
-
-
-def _number(text: str) -> float:
-    """Read a number with a decimal point, or with a decimal comma where there is no point."""
-    plain = text.strip()
-    if plain.count(",") == 1 and "." not in plain:
-        plain = plain.replace(",", ".")
-    try:
-        value = float(plain) if "_" not in plain else math.nan
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        message = f"{text.strip()!r} is not a number: type digits, with a decimal point."
-        raise PicksError(message)
-    return value

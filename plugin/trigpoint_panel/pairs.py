@@ -9,6 +9,7 @@ from typing import Literal, cast, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
 from trigpoint.picks import Picks, picks_from
@@ -145,15 +146,17 @@ def next_id(pairs: Pairs) -> str:
     return f"P{max(numbers, default=0) + 1}"
 
 
-def waiting(pairs: Pairs, selected: str | None, side: Side) -> Pair | None:
+def waiting(pairs: Pairs, selected: str | None, side: Side, *, newest: bool = True) -> Pair | None:
     """Return the pair whose half on this side a click fills; None: a new pair begins.
 
-    That is the selected pair if its half there is open, else the last such pair.
+    That is the selected pair if its half there is open, else the last such pair, or with `newest`
+    false the first.
     """
     chosen = find(pairs, selected)
     if chosen is not None and chosen.at(side) is None:
         return chosen
-    return next((pair for pair in reversed(pairs) if pair.at(side) is None), None)
+    open_ones = [pair for pair in pairs if pair.at(side) is None]
+    return open_ones[-1 if newest else 0] if open_ones else None
 
 
 def to_picks(pairs: Pairs) -> Picks:
@@ -191,8 +194,8 @@ def from_picks(picks: Picks) -> Pairs:
         Pair(
             name.strip(),
             cast(Role, role),
-            _place(source),
-            _place(target),
+            place_of(source),
+            place_of(target),
             _known(sigma_source),
             _known(sigma_target),
             note,
@@ -224,13 +227,19 @@ def refuse_taken(pairs: Pairs, name: str) -> str:
     return bare
 
 
+def place_of(xyz: ArrayLike) -> Place:
+    """Return three finite numbers as a place, or raise PicksError."""
+    values = np.asarray(xyz, np.float64)
+    if values.shape != (3,) or not np.isfinite(values).all():
+        message = f"{values.tolist()} is no place: give three finite numbers."
+        raise PicksError(message)
+    x, y, z = values.tolist()
+    return x, y, z
+
+
 def _sigmas(values: list[float | None]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.array([np.nan if value is None else value for value in values], np.float64)
 
 
 def _known(sigma: float) -> float | None:
     return None if np.isnan(sigma) else float(sigma)
-
-
-def _place(xyz: list[float]) -> Place:
-    return (float(xyz[0]), float(xyz[1]), float(xyz[2]))

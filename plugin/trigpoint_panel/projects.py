@@ -178,6 +178,38 @@ def write_project(state: State, path: Path | str) -> Project:
     return read_project(path)
 
 
+def checked(project: Project) -> Project:
+    """Return a project as the engine reads it, its lists as tuples; paths need not be there.
+
+    Raises
+    ------
+    ProjectError
+        In one sentence, for a setting that a project file may not hold.
+    """
+    folder = Path(project.path.anchor or Path.cwd().anchor)
+    tables = project_tables(project, folder)
+    for table in (tables["reference"], *tables["reconstruction"]):
+        table |= {key: "anywhere" for key in ("path", "picks", "region") if table.get(key)}
+    read = project_from(without_none(tables), folder / "project.toml")
+    reference, given = project.reference, project.reconstructions
+    return replace(
+        read,
+        path=project.path,
+        reference=replace(read.reference, path=reference.path, region=reference.region),
+        reconstructions=tuple(
+            replace(each, path=own.path, picks=own.picks)
+            for each, own in zip(read.reconstructions, given, strict=True)
+        ),
+    )
+
+
+def without_none(value: Any) -> Any:
+    """Return tables as TOML can hold them, which knows no null: what is None is left out."""
+    if isinstance(value, dict):
+        return {key: without_none(item) for key, item in value.items() if item is not None}
+    return [without_none(item) for item in value] if isinstance(value, list) else value
+
+
 def project_tables(project: Project, folder: Path) -> Table:
     """Return a project as the tables of its file, whole; None where a key is left out.
 

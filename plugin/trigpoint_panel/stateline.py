@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from trigpoint.picks import FEWEST
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import complete, opposite, with_role
 
@@ -91,8 +92,8 @@ def _standing(model: Model) -> StateLine:
         return StateLine(text, "info", can - {"errors", "report"})
     if not state.pairs:
         return StateLine("Press P, then click the same corner in both views.", "info", can)
-    if fit.controls < 3:
-        text = f"{fit.controls} of 3 pairs. Spread them over height and around the object."
+    if fit.controls < FEWEST:
+        text = f"{fit.controls} of {FEWEST} pairs. Spread them over height and around the object."
         return StateLine(text, "info", can)
     if fit.alignment is None:
         return StateLine(fit.refusal, "red", can)
@@ -111,6 +112,9 @@ def _fitted(model: Model, can: frozenset[Action]) -> StateLine:
     )
     if fit.suspects:
         return StateLine(f"{text} · suspect: {', '.join(fit.suspects)}", "red", can)
+    if fit.table["used"].sum() == FEWEST:
+        text += " · no pick can be tested yet: add a fourth"
+        return StateLine(text, "amber", can)
     if fit.weakness:
         return StateLine(f"{text} · {fit.weakness}", "amber", can)
     return StateLine(text, "good", can)

@@ -218,7 +218,21 @@ def _refusal(controls: Pairs, reason: str) -> str:
         spreads = principal_spreads(np.array(points, np.float64))
         if spreads[1] <= LINE * spreads[0]:
             return "The control points lie on one line: add one off the line."
-    return first_sentence(reason)
+    return _verdict(reason) if reason.startswith("Refused: ") else first_sentence(reason)
+
+
+def _verdict(statement: str) -> str:
+    """Return the engine's refusal of a layout without its numbers' explanation."""
+    said = _reason(statement)
+    if said.startswith("the rotation"):
+        said = f"{said.split(', and ')[0]}: add a pick well off that axis"
+    return f"{said[:1].upper()}{said[1:]}."
+
+
+def _reason(statement: str) -> str:
+    """Return the first reason of the engine's verdict, without what one pick is worth."""
+    said = re.sub(r"^\w+: ", "", statement).split("; also, ")[0]
+    return re.sub(r" \((?:one pick is good|2 redundant|they fit exactly)[^()]*\)\.?$", "", said)
 
 
 def first_sentence(text: str) -> str:
@@ -256,8 +270,7 @@ def _weakness(found: Alignment, survey: Survey | None) -> str:
             return "all pairs in the upper third: heights below are extrapolated"
     if worth.geometry == "sound":
         return ""
-    said = worth.statement.removeprefix("Weak: ").split("; also, ")[0]
-    return re.sub(r" \((?:one pick is good|2 redundant|they fit exactly)[^()]*\)\.?$", "", said)
+    return _reason(worth.statement)
 
 
 def _table(pairs: Pairs, found: Alignment | None, threshold: float) -> pd.DataFrame:
