@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import traceback
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -95,7 +96,14 @@ class Job(QObject):
         self._told.emit(-1.0 if fraction is None else float(fraction), text)
 
     def run(self) -> None:
-        """Do the work, in whatever thread this is called; to be called once."""
+        """Do the work, in whatever thread this is called, and return when it is done."""
+        # Not in this thread itself: Python forgets a thread of Qt's as soon as it leaves Python,
+        # and with it pyproj's context, which the thread's next job would then find freed.
+        worker = threading.Thread(target=self._do, name=self.title, daemon=True)
+        worker.start()
+        worker.join()
+
+    def _do(self) -> None:
         work, self._work = self._work, None  # what it holds goes with it
         assert work is not None
         try:
