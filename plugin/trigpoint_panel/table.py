@@ -312,7 +312,8 @@ class PairTable(QTableView):
         head.setHighlightSections(False)
         head.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         head.setStretchLastSection(True)
-        head.setSortIndicatorClearable(True)
+        if hasattr(head, "setSortIndicatorClearable"):  # since Qt 6.1
+            head.setSortIndicatorClearable(True)
         head.setMinimumSectionSize(30)
         self._fit_columns()
         self.setMinimumHeight(96)
