@@ -7,11 +7,13 @@ import numpy as np
 from trigpoint.similarity import Points
 from trigpoint_panel.camera import Position
 
-SAMPLE, TRIPLES = 4000, 600
+SAMPLE, TRIPLES = 40_000, 600
+# Cells across the cloud: one point of each is looked at, so that what counts is area.
+CELLS = 60
 # Width of a plane, as a share of the cloud's size.
 BAND = 0.006
-# Points on one side that make it the upper one: the ground has all of them above it.
-ONE_SIDED = 0.9
+# Share of what is not in the plane that lies on one side, and of all that lies in the plane.
+ONE_SIDED, WIDE = 0.9, 0.1
 
 
 def guess_up(points: Points) -> Position:
@@ -30,7 +32,9 @@ def guess_up(points: Points) -> Position:
     sample = points[rng.integers(0, len(points), SAMPLE)]
     low, high = np.percentile(sample, [2, 98], axis=0)
     sample = sample[((sample >= low) & (sample <= high)).all(axis=1)]
-    band = BAND * float(np.linalg.norm(high - low))
+    size = float(np.linalg.norm(high - low))
+    _, first = np.unique(np.floor(sample * (CELLS / size)), axis=0, return_index=True)
+    sample, band = sample[first], BAND * size
     corners = sample[rng.integers(0, len(sample), (TRIPLES, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1)
@@ -40,6 +44,7 @@ def guess_up(points: Points) -> Position:
     inside = np.abs(away) <= band
     above = (away > band).sum(axis=0) / np.maximum((~inside).sum(axis=0), 1)
     is_ground = (above > ONE_SIDED) | (above < 1 - ONE_SIDED)
+    is_ground &= inside.mean(axis=0) > WIDE
     if not is_ground.any():
         return 0.0, 0.0, 1.0
     best = int(np.argmax(np.where(is_ground, inside.sum(axis=0), -1)))

@@ -40,8 +40,8 @@ class ElidedLabel(QtWidgets.QLabel):
         """Paint as much of the text as there is room for."""
         del event
         painter = QtGui.QPainter(self)
-        middle = QtCore.Qt.TextElideMode.ElideMiddle
-        text = self.fontMetrics().elidedText(self.text(), middle, self.width())
+        right = QtCore.Qt.TextElideMode.ElideRight
+        text = self.fontMetrics().elidedText(self.text(), right, self.width())
         painter.drawText(self.rect(), QtCore.Qt.AlignmentFlag.AlignVCenter, text)
         painter.end()
 
@@ -79,6 +79,8 @@ class Header(QtWidgets.QWidget):
         self.more.setStyleSheet("QToolButton::menu-indicator { image: none; width: 0; }")
         self.parallel, menu = self._menu()
         self.more.setMenu(menu)
+        # As high when it is empty, or the view would jump when a cloud comes.
+        self.setMinimumHeight(self.colour.sizeHint().height() + 4)
         row = QtWidgets.QHBoxLayout(self)
         row.setContentsMargins(6, 2, 2, 2)
         row.setSpacing(4)
@@ -100,9 +102,10 @@ class Header(QtWidgets.QWidget):
             return
         shown, total = len(opened.cloud), opened.total
         crs = opened.info.crs
-        units = f"in its own {opened.unit}" if crs is None else f"m, {crs.name}"
+        units = "in units of its own" if crs is None else f"in metres, {crs.name}"
+        short = "own units" if crs is None else "m"
         count = f"{_short(shown)} of {_short(total)}" if opened.is_thinned else _short(total)
-        self.label.setText(f"{self._title}: {opened.path.name}, {count} points, {units}")
+        self.label.setText(f"{self._title}: {opened.path.name}, {count} points, {short}")
         self.label.setToolTip(
             f"{opened.path}\n{shown:,} of {total:,} points shown\n{units}\n{opened.info.format}"
         )
@@ -115,7 +118,7 @@ class Header(QtWidgets.QWidget):
         if mode is not None:
             self.colour.setCurrentIndex(self.colour.findData(mode))
         for widget in (self.colour, self.size_slider, self.eye_dome, self.fit, self.more):
-            widget.setEnabled(bool(modes))
+            widget.setVisible(bool(modes))
 
     def set_states(self, *, size: float, eye_dome: bool, parallel: bool) -> None:
         """Show settings that were changed elsewhere."""

@@ -37,7 +37,7 @@ class Layer:
         parts = [local] if few is None else [local, local[self._rows[1]]]
         self._data = [_polydata(part) for part in parts]
         self._wider = [1.0, min(WIDEST, (count / coarse) ** 0.5)]
-        self._drawn: list[tuple[Any, list[Any]]] = []
+        self._drawn: list[tuple[Any, float, list[Any]]] = []
         self._size, self._opacity, self._matrix = 2.0, 1.0, np.eye(4)
         self._moving, self._visible = False, True
         self.recolour(colours)
@@ -53,8 +53,8 @@ class Layer:
             data["colours"] = np.ascontiguousarray(colours[rows] if len(rows) else colours)
             data.set_active_scalars("colours")
 
-    def show_in(self, renderer: Any) -> None:
-        """Let a renderer draw the layer."""
+    def show_in(self, renderer: Any, *, wider: float = 1.0) -> None:
+        """Let a renderer draw the layer, with points so much wider than elsewhere."""
         actors = []
         for data in self._data:
             mapper = vtkPolyDataMapper()
@@ -63,25 +63,20 @@ class Layer:
             mapper.SetScalarModeToUsePointData()
             actor = vtkActor()
             actor.SetMapper(mapper)
-            actor.PickableOff()
             actor.GetProperty().LightingOff()
             renderer.AddActor(actor)
             actors.append(actor)
-        self._drawn.append((renderer, actors))
+        self._drawn.append((renderer, wider, actors))
         self._apply()
 
     def leave(self, renderer: Any) -> None:
         """Let a renderer draw it no more."""
-        for drawer, actors in self._drawn:
+        for drawer, _, actors in self._drawn:
             if drawer is renderer:
                 for actor in actors:
                     renderer.RemoveActor(actor)
                     actor.ReleaseGraphicsResources(renderer.GetRenderWindow())
         self._drawn = [entry for entry in self._drawn if entry[0] is not renderer]
-
-    def whole_in(self, renderer: Any) -> Any:
-        """Return the actor of all points in a renderer."""
-        return next(actors[0] for drawer, actors in self._drawn if drawer is renderer)
 
     def set_moving(self, moving: bool) -> None:
         """Draw the share while the view moves, and everything when it rests."""
@@ -112,10 +107,10 @@ class Layer:
         chosen = int(self._moving and self.is_thinned)
         matrix = vtkMatrix4x4()
         matrix.DeepCopy(self._matrix.ravel().tolist())
-        for _, actors in self._drawn:
+        for _, wider, actors in self._drawn:
             for which, actor in enumerate(actors):
                 actor.SetVisibility(self._visible and self._opacity > 0 and which == chosen)
-                actor.GetProperty().SetPointSize(self._size * self._wider[which])
+                actor.GetProperty().SetPointSize(self._size * self._wider[which] * wider)
                 actor.GetProperty().SetOpacity(self._opacity)
                 actor.SetUserMatrix(matrix)
 

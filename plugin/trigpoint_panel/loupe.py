@@ -13,6 +13,8 @@ from trigpoint_panel.scene import Scene, aim
 
 ZOOM = 4
 SIDE = 200
+# Its points are wider, or the surfaces in it would fall apart.
+WIDER = ZOOM**0.5
 # Pixels between the mouse and the inset, so that the hand does not cover what it shows.
 AWAY = 28
 
@@ -27,7 +29,7 @@ class Loupe(ImageCanvas):
         self.setAttribute(QtCore.Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.plotter.suppress_rendering = True
         self.plotter.renderer.enable_eye_dome_lighting()
-        scene.add_renderer(self.plotter.renderer)
+        scene.add_renderer(self.plotter.renderer, wider=WIDER)
 
     def look(self, at: QtCore.QPointF) -> None:
         """Show what is around a place of the parent, and stand beside it."""
@@ -52,10 +54,10 @@ class Loupe(ImageCanvas):
         super().paintEvent(event)
         painter = QtGui.QPainter(self)
         middle, gap = SIDE / 2, 6.0
-        for width, colour in ((3, QtGui.QColor("white")), (1, QtGui.QColor("black"))):
+        for width, colour in ((4, QtGui.QColor("white")), (2, QtGui.QColor("black"))):
             painter.setPen(QtGui.QPen(colour, width))
             for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                ends = [QtCore.QPointF(middle + r * dx, middle + r * dy) for r in (gap, gap + 12)]
+                ends = [QtCore.QPointF(middle + r * dx, middle + r * dy) for r in (gap, gap + 18)]
                 painter.drawLine(*ends)
         painter.setPen(QtGui.QPen(self.palette().color(QtGui.QPalette.ColorRole.Highlight), 3))
         painter.drawRect(self.rect())

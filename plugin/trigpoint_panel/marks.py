@@ -11,7 +11,13 @@ import matplotlib as mpl
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkActor, vtkCoordinate, vtkPolyDataMapper, vtkTextActor
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkCoordinate,
+    vtkPolyDataMapper,
+    vtkRenderer,
+    vtkTextActor,
+)
 
 from trigpoint_reporting.style import BLUE, GREEN, GREY, ORANGE, PURPLE
 
@@ -71,6 +77,14 @@ class Marks:
 
     def __init__(self, renderer: Any, ratio: float) -> None:
         self._renderer = renderer
+        # Labels have a layer of their own: eye-dome lighting would darken them.
+        self._layer = vtkRenderer()
+        self._layer.SetLayer(1)
+        self._layer.InteractiveOff()
+        self._layer.SetActiveCamera(renderer.GetActiveCamera())
+        window = renderer.GetRenderWindow()
+        window.SetNumberOfLayers(2)
+        window.AddRenderer(self._layer)
         self._ratio = ratio
         self._actors: list[Any] = []
         self._labels: list[tuple[NDArray[np.float64], Any]] = []
@@ -97,8 +111,15 @@ class Marks:
         for actor in self._actors:
             self._renderer.RemoveActor(actor)
         for _, label in self._labels:
-            self._renderer.RemoveViewProp(label)
+            self._layer.RemoveViewProp(label)
         self._actors, self._labels = [], []
+
+    def close(self) -> None:
+        """Remove all markers, and the layer of their labels."""
+        self.clear()
+        window = self._renderer.GetRenderWindow()
+        if window is not None:
+            window.RemoveRenderer(self._layer)
 
     def hide_behind(self, is_ahead: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> None:
         """Hide the labels of places behind the camera, which would show mirrored."""
@@ -146,5 +167,5 @@ class Marks:
         text.SetColor(*pv.Color("white" if marker.selected else look.ink).float_rgb)
         text.SetBackgroundColor(*pv.Color("black" if marker.selected else look.colour).float_rgb)
         text.SetBackgroundOpacity(0.9)
-        self._renderer.AddViewProp(label)
+        self._layer.AddViewProp(label)
         return label

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkPointPicker
 
 from trigpoint.cloud import PointCloud
 from trigpoint.similarity import Points, Similarity
@@ -21,14 +20,18 @@ from trigpoint_panel.marks import Marker, Marks
 COARSE = 100_000
 # Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
 STRAY = 0.5
+# Points that stand for all of them where a view is fitted.
+SAMPLE = 50_000
 # Of a fitted picture, a little stays free around the cloud.
 MARGIN = 1.06
-# Width of the points in pixels.
-POINT = 3.0
+# Width of the points in pixels; near to the cloud they grow up to GROWTH times, to stay a surface.
+POINT, GROWTH = 3.0, 3.0
 LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
 
-# The first pick's cylinder is as wide everywhere as at the focal point; off by more, it is redone.
-OFF = 1.2
+# Points looked at in one go while picking: what they need stays in the processor's cache.
+BLOCK = 2**17
+# How deep a picked surface may be, in tolerances: it may slope away by some 70 degrees.
+SLOPE = 3.0
 
 
 class Scene:
@@ -52,6 +55,8 @@ class Scene:
         self._coarse = coarse
         self._unit = "m"
         self._local = np.empty((0, 3), np.float32)
+        self._extent = 1.0
+        self._columns = np.empty((3, 0), np.float32)
         self._rows: NDArray[np.intp] | None = None
         self._colours: Colours = np.empty((0, 3), np.uint8)
         self._distances: NDArray[np.float64] | None = None
@@ -62,7 +67,7 @@ class Scene:
         self._markers: tuple[Marker, ...] = ()
         self._marks: Marks | None = None
         self._plotter: Any = None
-        self._ratio, self._size = 1.0, POINT
+        self._ratio, self._size, self._drawn = 1.0, POINT, POINT
         self._eye_dome, self._dark, self._moving = True, False, False
         self._up: Position = (0.0, 0.0, 1.0)
         self._camera = camera_from(CORNER, self._up, np.zeros(3), 1.0)
@@ -88,7 +93,7 @@ class Scene:
         if self._plotter is None:
             return
         if self._marks is not None:
-            self._marks.clear()
+            self._marks.close()
         for layer in self._layers():
             layer.leave(self.renderer)
         self._plotter = self._marks = None
@@ -110,10 +115,10 @@ class Scene:
         overlay = [self._overlay[1]] if self._overlay is not None else []
         return [*([self._layer] if self._layer is not None else []), *overlay]
 
-    def add_renderer(self, renderer: Any) -> None:
-        """Let another renderer draw the clouds too, without markers."""
+    def add_renderer(self, renderer: Any, *, wider: float = 1.0) -> None:
+        """Let another renderer draw the clouds too, with wider points and without markers."""
         for layer in self._layers():
-            layer.show_in(renderer)
+            layer.show_in(renderer, wider=wider)
 
     def remove_renderer(self, renderer: Any) -> None:
         """Undo `add_renderer`."""
@@ -128,11 +133,15 @@ class Scene:
         self.mode, self.legend = None, None
         if cloud is None or not len(cloud):
             self.cloud = None
-            self._drop_layer()
+            self._local = np.empty((0, 3), np.float32)
+            self._draw_layer()
             return
         middle = np.floor(cloud.xyz.mean(axis=0))
         self.origin = cloud.origin + middle
         self._local = _about(cloud.xyz, middle)
+        sample = self._local[:: max(1, len(self._local) // SAMPLE)]
+        low, high = np.percentile(sample, [STRAY, 100 - STRAY], axis=0)
+        self._extent = max(float(np.linalg.norm(high - low)), 1e-9)
         self._paint(modes_of(cloud)[0])
         self._draw_layer()
         self._place_overlay()
@@ -178,10 +187,11 @@ class Scene:
         return np.asarray(self.cloud.xyz[rows] + self.cloud.origin, np.float64)
 
     def _boxed(self, centre: NDArray[np.float32], radius: float) -> NDArray[np.intp]:
-        rows = np.flatnonzero(np.abs(self._local[:, 0] - centre[0]) <= radius)
-        for axis in (1, 2):
-            rows = rows[np.abs(self._local[rows, axis] - centre[axis]) <= radius]
-        return rows if self._rows is None else np.intersect1d(rows, self._rows)
+        x, y, z = self._columns
+        rows: NDArray[np.intp] = np.flatnonzero(np.abs(x - centre[0]) <= radius)
+        rows = rows[np.abs(y[rows] - centre[1]) <= radius]
+        rows = rows[np.abs(z[rows] - centre[2]) <= radius]
+        return rows if self._rows is None else self._rows[rows]
 
     def _paint(self, mode: ColourMode) -> None:
         assert self.cloud is not None
@@ -202,13 +212,15 @@ class Scene:
     def _draw_layer(self) -> None:
         self._drop_layer()
         shown = self._shown(self._local)
+        # By axes: picking asks each for itself, and finds its numbers side by side.
+        self._columns = np.ascontiguousarray(shown.T)
         if len(shown):
             self._layer = Layer(shown, self._shown(self._colours), self._coarse)
             self._layer.set_moving(self._moving)
-            self._layer.set_size(self._size * self._ratio)
             self._layer.set_visible(self._shows_cloud)
             if self._plotter is not None:
                 self._layer.show_in(self.renderer)
+            self._resize_points()
 
     # The overlay
 
@@ -233,8 +245,8 @@ class Scene:
             colours, _ = coloured(cloud, modes_of(cloud)[0], up=np.array([0.0, 0.0, 1.0]))
             layer = Layer(_about(cloud.xyz, middle), colours, self._coarse)
             layer.set_moving(self._moving)
-            layer.set_size(self._size * self._ratio)
             self._overlay = cloud, layer, cloud.origin + middle
+            self._resize_points()
             if self._plotter is not None:
                 layer.show_in(self.renderer)
         self._place_overlay()
@@ -243,6 +255,11 @@ class Scene:
         """Show the overlay from 0 (not at all) to 1 (fully)."""
         self._opacity = min(max(opacity, 0.0), 1.0)
         self._place_overlay()
+
+    @property
+    def shows_cloud(self) -> bool:
+        """Whether the cloud itself is shown, and not only the overlay."""
+        return self._shows_cloud
 
     def swap(self) -> str:
         """Show only the cloud, then only the overlay, then both again; say which: A, B, or A+B."""
@@ -275,8 +292,13 @@ class Scene:
     def set_point_size(self, pixels: float) -> None:
         """Set the width of the points in pixels."""
         self._size = pixels
+        self._resize_points()
+
+    def _resize_points(self) -> None:
+        share = self._extent / max(self._camera.height, 1e-12)
+        self._drawn = self._size * self._ratio * min(max(share, 1.0) ** 0.5, GROWTH)
         for layer in self._layers():
-            layer.set_size(pixels * self._ratio)
+            layer.set_size(self._drawn)
 
     @property
     def point_size(self) -> float:
@@ -366,11 +388,7 @@ class Scene:
     @property
     def extent(self) -> float:
         """Size of the cloud from corner to corner, strays left out."""
-        if self.cloud is None:
-            return 1.0
-        sample = self._local[:: max(1, len(self._local) // 50_000)]
-        low, high = np.percentile(sample, [STRAY, 100 - STRAY], axis=0)
-        return float(np.linalg.norm(high - low))
+        return self._extent
 
     def look(self, face: Face) -> None:
         """Look at the whole cloud straight from one side, or from above."""
@@ -384,7 +402,7 @@ class Scene:
         if self.cloud is None:
             return
         sample = self._shown(self._local)
-        sample = sample[:: max(1, len(sample) // 50_000)].astype(np.float64)
+        sample = sample[:: max(1, len(sample) // SAMPLE)].astype(np.float64)
         if not len(sample):
             return
         camera, (width, height) = self._camera, self.size
@@ -411,6 +429,7 @@ class Scene:
             return
         camera, ours = self.renderer.GetActiveCamera(), self._camera
         aim(camera, ours, self.origin)
+        self._resize_points()
         self.renderer.ResetCameraClippingRange()
         if self._marks is not None:
             self._marks.hide_behind(self._is_ahead)
@@ -425,8 +444,10 @@ class Scene:
     def pick_at(self, x: float, y: float, *, tolerance: float = 5.0) -> int | None:
         """Return the row of the point seen at a place of the picture.
 
-        The front-most surface within the tolerance is found first, and on it the point nearest to
-        the cursor. It needs no rendered frame and no OpenGL.
+        That is the front-most point whose square covers the place; beside all squares, the
+        front-most within the tolerance. On its surface the point nearest to the cursor is taken.
+        VTK's point picker takes the point nearest to the ray however deep it lies, and so picks
+        through walls. This needs no rendered frame and no OpenGL.
 
         Parameters
         ----------
@@ -435,23 +456,45 @@ class Scene:
         tolerance : float
             Pixels, scaled as the picture is.
         """
-        if self._layer is None or self._plotter is None or not self._shows_cloud:
+        if self.cloud is None or self._plotter is None or not self._shows_cloud:
             return None
         reach = tolerance * self._ratio
-        hit = self._front(x, y, reach)
-        if hit is None:
+        rows = self._near_ray(x, y, reach)
+        local = self._columns[:, rows].T.astype(np.float64)
+        aside = np.abs(self._project(local) - [x, y])
+        away = np.hypot(*aside.T)
+        near = away <= reach
+        rows, local, aside, away = rows[near], local[near], aside[near], away[near]
+        if not len(rows):
             return None
-        # VTK's cylinder is right at the focal point; a hit elsewhere asks for another width.
-        stretch = self._pixel(hit) / self._pixel(None)
-        if not 1 / OFF < stretch < OFF:
-            hit = self._front(x, y, reach * stretch)
-            if hit is None:
-                return None
-        radius = 1.5 * reach * self._pixel(hit)
-        rows = self._boxed(self._local[hit], radius)
-        away = np.hypot(*(self._project(self._local[rows]) - [x, y]).T)
-        best = int(np.argmin(away))
-        return int(rows[best]) if away[best] <= reach else None
+        ahead = np.subtract(self._camera.focal_point, self._camera.position)
+        deep = (local + self.origin - self._camera.position) @ (ahead / np.linalg.norm(ahead))
+        covers = aside.max(axis=1) <= self._drawn / 2
+        front = float(deep[covers].min() if covers.any() else deep.min())
+        behind = SLOPE * reach * self._pixel(front)
+        surface = np.flatnonzero((deep >= front) & (deep <= front + behind))
+        row = int(rows[surface[np.argmin(away[surface])]])
+        return row if self._rows is None else int(self._rows[row])
+
+    def _near_ray(self, x: float, y: float, reach: float) -> NDArray[np.intp]:
+        """Find the shown points that may lie within some pixels of a place of the picture."""
+        width, height = self.size
+        across, upward, weight = self._projection()[[0, 1, 3]]
+        # Pixels are ratios of two of these; what is behind the camera has a negative weight.
+        across = across - (2 * x / width - 1) * weight
+        upward = upward - (2 * y / height - 1) * weight
+        # A pixel more, for the rounding of float32.
+        wide, tall = 2 * (reach + 1) / width, 2 * (reach + 1) / height
+        lines = np.array([across, upward, weight])
+        turn, shift = lines[:, :3].astype(np.float32), lines[:, 3:].astype(np.float32)
+        found = []
+        for start in range(0, self._columns.shape[1], BLOCK):
+            block = self._columns[:, start : start + BLOCK]
+            u, w = turn[[0, 2]] @ block + shift[[0, 2]]
+            rows = np.flatnonzero(np.abs(u) <= wide * w)
+            v = turn[1] @ block[:, rows] + shift[1]
+            found.append(start + rows[np.abs(v) <= tall * w[rows]])
+        return np.concatenate(found)
 
     def project(self, xyz: Position | NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where absolute places, shape (3,) or (n, 3), are in the picture: device pixels."""
@@ -459,46 +502,29 @@ class Scene:
         pixels = self._project(np.atleast_2d(places) - self.origin)
         return pixels if places.ndim == 2 else pixels[0]
 
-    def _front(self, x: float, y: float, reach: float) -> int | None:
-        assert self._layer is not None
-        actor = self._layer.whole_in(self.renderer)
-        picker = vtkPointPicker()
-        picker.SetTolerance(reach / float(np.hypot(*self.size)))
-        picker.PickFromListOn()
-        picker.AddPickList(actor)
-        # It picks nothing that is hidden, and while the view moves the whole cloud is.
-        visible = actor.GetVisibility()
-        actor.SetVisibility(True)
-        actor.PickableOn()
-        found = picker.Pick(x, y, 0.0, self.renderer)
-        actor.PickableOff()
-        actor.SetVisibility(visible)
-        row = picker.GetPointId()
-        if not found or row < 0:
-            return None
-        return int(row if self._rows is None else self._rows[row])
-
     def pixel_at(self, row: int) -> float:
         """Return the size of a pixel, scaled as the picture is, at a point: in its units."""
-        return self._pixel(row) * self._ratio
-
-    def _pixel(self, row: int | None) -> float:
-        """Return the size of a pixel at a point, or at the focal point, in the cloud's units."""
-        camera, height = self._camera, self.size[1]
-        if camera.parallel or row is None:
-            return camera.height / height
+        camera = self._camera
         ahead = np.subtract(camera.focal_point, camera.position) / camera.distance
-        deep = float((self._local[row] + self.origin - camera.position) @ ahead)
-        return camera.height / height * max(deep, 1e-9) / camera.distance
+        deep = float((self.coordinates(row) - camera.position) @ ahead)
+        return self._pixel(deep) * self._ratio
 
-    def _project(self, local: NDArray[Any]) -> NDArray[np.float64]:
+    def _pixel(self, deep: float) -> float:
+        """Return the size of a device pixel so far ahead of the camera, in the cloud's units."""
+        size = self._camera.height / self.size[1]
+        return size if self._camera.parallel else size * max(deep, 1e-9) / self._camera.distance
+
+    def _projection(self) -> NDArray[np.float64]:
+        """Return the 4x4 matrix from local coordinates to the picture, from -1 to 1."""
         width, height = self.size
         camera = self.renderer.GetActiveCamera()
         matrix = camera.GetCompositeProjectionTransformMatrix(width / height, -1, 1)
-        rows = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-        ends = np.column_stack([local, np.ones(len(local))]) @ rows.T
+        return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+    def _project(self, local: NDArray[Any]) -> NDArray[np.float64]:
+        ends = np.column_stack([local, np.ones(len(local))]) @ self._projection().T
         pixels = ends[:, :2] / ends[:, 3:]
-        return np.asarray((pixels + 1) / 2 * [width, height], np.float64)
+        return np.asarray((pixels + 1) / 2 * self.size, np.float64)
 
 
 def aim(vtk_camera: Any, camera: Camera, origin: NDArray[np.float64]) -> None:

@@ -36,7 +36,7 @@ REST, HOVER, PATIENCE = 200, 120, 1000
 # Degrees for a drag across the height of the view, and zoom for a step of the wheel.
 TURN, WHEEL = 180.0, 1.15
 # Height of what is seen where the view has flown to, as a share of what it is where all is seen.
-NEAR = 0.12
+NEAR = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +211,8 @@ class CloudView(QtWidgets.QWidget):
         self.scene.set_overlay(None if opened is None else opened.cloud, similarity)
         self._overlay_bar.setVisible(self.scene.has_overlay)
         self._overlay_state.setText("A+B")
+        self.legend.show_legend(self.scene.legend)
+        self._lay_out()
         self.refresh()
 
     def set_overlay_opacity(self, opacity: float) -> None:
@@ -224,6 +226,7 @@ class CloudView(QtWidgets.QWidget):
     def swap(self) -> None:
         """Show only the cloud, then only the overlay, then both again."""
         self._overlay_state.setText(self.scene.swap())
+        self.legend.show_legend(self.scene.legend if self.scene.shows_cloud else None)
         self.refresh()
 
     # How it looks
