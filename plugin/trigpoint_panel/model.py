@@ -215,13 +215,19 @@ class Model:
         reference = replace(self._state.project.reference, **changes)
         self._change_project("Change reference details", reference=reference)
 
+    def set_reconstruction(self, **changes: Any) -> None:
+        """Change what is known of the source: fields of ReconstructionInput, or ProjectError."""
+        given = replace(self._state.given, **changes)
+        project = with_given(self._state, given)
+        self._step("Change source details", project=checked(project), reconstruction=given.name)
+
     def set_project(self, project: Project) -> None:
         """Say which project.toml the session belongs to, once it is written; it is no step."""
         self._set(replace(self._state, project=project))
 
-    def mark_reported(self) -> None:
-        """Remember that a report was made of what the session holds now."""
-        self._reported = question(self._state)
+    def mark_reported(self, state: State | None = None) -> None:
+        """Remember that a report was made of the state it was asked for, by default of now."""
+        self._reported = question(state or self._state)
         self._tell()
 
     # Picking -----------------------------------------------------------------------------------

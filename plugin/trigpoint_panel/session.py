@@ -114,6 +114,8 @@ class Session:
         self._write(to)
         self.path = to
         self._saved = _content(self.model.state)
+        # What a crash left there and nobody wanted back is older now than what was saved.
+        self._autosaved.add(_beside(to))
         self.discard_autosave()
 
     def autosave(self) -> str:
@@ -130,14 +132,20 @@ class Session:
             self.discard_autosave()
             return ""
         said = ""
-        for place in (*([_beside(self.path)] if self.path else []), self._unsaved):
+        places = [self._unsaved]
+        # What a crash left there stays until it is recovered or given up.
+        if self.path is not None and not self.recoverable(self.path):
+            places.insert(0, _beside(self.path))
+        for place in places:
             try:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 self._write(place, autosaving=True)
             except (OSError, SessionError) as error:
                 said = f"Changes are not autosaved: {error}"
                 continue
-            self._autosaved.add(place)
+            for other in self._autosaved - {place}:
+                other.unlink(missing_ok=True)
+            self._autosaved = {place}
             return ""
         return said
 

@@ -130,8 +130,10 @@ class State:
 
 def question(state: State) -> object:
     """Return what of a state enters the results: equal questions have equal answers."""
+    # Where it is written changes nothing: the pairs are what the picks file will hold.
+    project = replace(with_given(state, replace(state.given, picks=None)), path=NOWHERE)
     pairs = tuple(replace(pair, note="") for pair in state.pairs if pair.is_complete)
-    return replace(state.project, path=NOWHERE), state.reconstruction, pairs
+    return project, state.reconstruction, pairs
 
 
 def with_given(state: State, given: ReconstructionInput) -> Project:
@@ -139,7 +141,9 @@ def with_given(state: State, given: ReconstructionInput) -> Project:
     every = state.project.reconstructions
     return replace(
         state.project,
-        reconstructions=tuple(given if each.name == given.name else each for each in every),
+        reconstructions=tuple(
+            given if each.name == state.reconstruction else each for each in every
+        ),
     )
 
 

@@ -322,6 +322,31 @@ def test_results_are_stale_when_something_that_enters_them_changes(tower):
     assert model.is_stale
 
 
+def test_a_report_is_of_the_state_that_it_was_asked_for(tower, tmp_path):
+    model, _ = tower
+    asked = model.state
+    model.set_project(replace(asked.project, path=tmp_path / "project.toml"))
+    model.mark_reported(asked)
+    assert not model.is_stale
+    model.delete({"P1"})
+    model.mark_reported(asked)
+    assert model.is_stale
+
+
+def test_the_source_can_be_renamed(tower, tmp_path):
+    model, _ = tower
+    model.open_cloud("source", tmp_path / "a.ply")
+    model.set_reconstruction(name="facade", kind="photogrammetry")
+    assert model.state.reconstruction == "facade"
+    assert model.state.source_path == tmp_path / "a.ply"
+    model.open_cloud("source", tmp_path / "b.ply")
+    model.undo()
+    assert model.state.reconstruction == "nerf"
+    assert model.state.source_path == tmp_path / "b.ply"
+    with pytest.raises(ProjectError, match="kind"):
+        model.set_reconstruction(kind="drawing")
+
+
 def test_another_session_leaves_nothing_to_undo(tower):
     model, _ = tower
     model.mark_reported()

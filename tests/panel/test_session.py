@@ -176,6 +176,36 @@ def test_an_autosave_goes_when_nothing_is_left_to_save_or_it_is_given_up(started
     started.discard_autosave()
 
 
+def test_what_a_crash_left_is_kept_until_someone_decides(started, tmp_path):
+    started.save(tmp_path / "a.trig.json")
+    left = tmp_path / "a.trig.json~"
+    started.model.cycle_role({"P1"})
+    started.autosave()
+    crashed = left.read_text()
+    other = Session(Model(), scratch=tmp_path / "scratch")
+    other.open(tmp_path / "a.trig.json")
+    other.model.cycle_role({"P2"})
+    assert other.autosave() == ""
+    assert left.read_text() == crashed
+    assert len(Session(Model(), scratch=tmp_path / "scratch").recoverable()) == 1
+    other.give_up(left)
+    other.autosave()
+    assert left.exists()
+    assert Session(Model(), scratch=tmp_path / "scratch").recoverable() == ()
+    other.save()
+    assert not left.exists()
+
+
+def test_saving_over_what_a_crash_left_settles_it(started, tmp_path):
+    started.save(tmp_path / "a.trig.json")
+    started.model.cycle_role({"P1"})
+    started.autosave()
+    other = Session(Model(), scratch=tmp_path / "scratch")
+    other.open(tmp_path / "a.trig.json")
+    other.save()
+    assert other.recoverable(tmp_path / "a.trig.json") == ()
+
+
 def test_a_folder_that_can_not_be_written_is_told_in_one_sentence(started, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SessionError, match=r"^a.trig.json can't be written: [A-Z][^.]*\.$"):
