@@ -81,6 +81,20 @@ def test_every_method_says_what_it_did(tower, method, seed):
     assert len(found["inliers"]) == 6
 
 
+@pytest.mark.parametrize("method", ["ransac", "exhaustive", "all"])
+def test_what_is_left_out_to_be_quick_changes_nothing_else(tower, method):
+    whole, quick = align(tower(), method=method), align(tower(), method=method, thorough=False)
+    expected, found = results_of(whole), results_of(quick)
+    assert found["alignment"].pop("exhaustive_agrees") is None
+    assert found["loocv"].pop("rmse_procedure_m") is None
+    for results in (expected, found):
+        results["alignment"].pop("exhaustive_agrees", None)
+        results["loocv"].pop("rmse_procedure_m", None)
+        for fold in results["loocv"]["folds"]:
+            fold.pop("inliers_changed")
+    assert found == expected
+
+
 def test_order_of_picks_changes_no_bit_of_the_fit(tower):
     picks = tower()
     order = np.array([3, 1, 5, 0, 4, 2])

@@ -77,7 +77,8 @@ class Fit:
     Attributes
     ----------
     alignment : Alignment or None
-        The engine's, of the complete pairs; None where there is none.
+        The engine's, of the complete pairs, without what takes long and changes no fit (the
+        consensus redone without each pick); None where there is none.
     refusal : str
         Why there is none, in one sentence; empty if there is one.
     table : DataFrame
@@ -200,6 +201,7 @@ def _aligned(
             seed=settings.seed,
             weighted=settings.weighted,
             extent=None if survey is None else survey.extent,
+            thorough=False,
         )
     except TrigpointError as error:
         return None, _refusal(controls, str(error)), _nowhere()
