@@ -11,10 +11,16 @@ import pytest
 from trigpoint.cloud import cloud_from
 from trigpoint.files import CloudInfo
 
-if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-    # VTK would look for a display first, and write that there is none.
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure():
+    """Take the offscreen platform, unless a display is there or pytest-xvfb has made one."""
+    if sys.platform.startswith("linux"):
+        if not os.environ.get("DISPLAY"):
+            os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+        # Of its own, VTK connects to the display; where that ends first, so does the process.
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
 
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
 
