@@ -183,3 +183,33 @@ def test_a_scale_bar_that_disagrees_is_said(small_project):
     check = results["reconstructions"]["nerf"]["reliability"]["cross_checks"][0]
     assert check["discrepancy"] == pytest.approx(-0.24, abs=0.03)
     assert "cross_check_disagrees" in [each["code"] for each in results["warnings"]]
+
+
+def test_every_kind_of_cross_check_is_in_the_results_and_enters_no_fit(small_project, tmp_path):
+    path, truth = small_project(extra="icp = false\nintervals = false\n")
+    plain = trigpoint.audit(path).results()
+    cameras = np.array([[0.0, 0, 9], [3, 1, 4], [-2, 5, 1]])
+    gnss = truth(cameras) + np.array([0, 0, 3])
+    extra = (
+        '[[cross_check]]\nkind = "up_direction"\nsigma_deg = 0.3\n'
+        f"up = {truth.rotation[2].tolist()}\n"
+        '[[cross_check]]\nkind = "camera_positions"\nsigma_m = [0.02, 0.02, 5.0]\n'
+        f"source = {cameras.tolist()}\ntarget_m = {gnss.tolist()}\n"
+    )
+    path, _ = small_project(tmp_path / "checked", extra="icp = false\nintervals = false\n" + extra)
+    results = trigpoint.audit(path).results()
+    jsonschema.validate(results, schema())
+    found, before = (each["reconstructions"]["nerf"] for each in (results, plain))
+    up, places = found["reliability"]["cross_checks"]
+    assert (up["kind"], up["unit"], up["p_value"] > 0.01) == ("up_direction", "deg", True)
+    assert places["discrepancy"] == pytest.approx(3, abs=0.1)
+    assert places["p_value"] > 0.01  # their heights are hardly known
+    assert found["alignment"] == before["alignment"]
+
+
+def test_the_georeferenced_cloud_holds_sigmas_where_the_project_asks(bundle):
+    extra = "icp = false\nintervals = false\n[alignment]\nsigma = true\n"
+    folder, _ = bundle(extra=extra)
+    cloud = trigpoint.read(folder / "clouds" / "nerf-georeferenced.laz")
+    sigmas = np.column_stack([cloud.attributes[name] for name in ("sigma_e", "sigma_n", "sigma_h")])
+    assert 0.001 < sigmas.min() < sigmas.max() < 0.1

@@ -84,6 +84,7 @@ def test_what_is_left_out_has_the_documented_defaults(written):
     assert project.comparison.margin_m == 1.0
 
 
+BAR = 'kind = "scale_bar"\nfrom = [0, 0, 0]\nto = [1, 0, 0]\nlength_m = 3.2\nsigma_m = 0.005'
 REFUSED = {
     "an unknown key, with the nearest known one": (
         "threshold_m = 1",
@@ -112,9 +113,20 @@ REFUSED = {
     ),
     "a zone at the top": ("zones = [0.5]", "zones = [1.0]", "fractions between 0 and 1 that rise"),
     "an unknown kind": ('"photogrammetry"', '"lidar"', "one of neural, photogrammetry"),
-    "an unknown cross check": ('"scale_bar"', '"yardstick"', "must be scale_bar"),
+    "an unknown cross check": ('"scale_bar"', '"yardstick"', "one of scale_bar, up_direction"),
     "a scale bar of two numbers": ("to = [1, 0, 0]", "to = [1, 0]", "three numbers"),
     "a scale bar of no length": ("to = [1, 0, 0]", "to = [0, 0, 0]", "another point"),
+    "a vertical of no length": (
+        BAR,
+        'kind = "up_direction"\nup = [0, 0, 0]\nsigma_deg = 1',
+        "a direction: not zero",
+    ),
+    "cameras that were not all measured": (
+        BAR,
+        'kind = "camera_positions"\nsource = [[0, 0, 0], [1, 0, 0]]\n'
+        "target_m = [[0, 0, 0]]\nsigma_m = 0.1",
+        "the same cameras",
+    ),
     "a limit on nothing known": ('of = "nerf"', 'of = "nurf"', "one of nerf, sfm"),
     "a limit both ways": ("max = 0.25", "max = 0.25\nmin = 0.1", "either 'max' or 'min'"),
     "a limit neither way": ("max = 0.25\n", "", "either 'max' or 'min'"),

@@ -25,6 +25,9 @@ LIMITS = (
     '[[limit]]\nquantity = "loocv.rmse_m"\nof = "nerf"\nmax = 0.2\nsource = "brief, clause 4"\n'
     '[[cross_check]]\nkind = "scale_bar"\nfrom = [0, 0, 0]\nto = [1, 0, 0]\n'
     'length_m = 3.26\nsigma_m = 0.01\nof = "nerf"\n'
+    '[[cross_check]]\nkind = "up_direction"\nup = [0.1, -0.8, 0.6]\nsigma_deg = 0.2\n'
+    '[[cross_check]]\nkind = "camera_positions"\nsource = [[0, 0, 9], [3, 1, 4]]\n'
+    "target_m = [[741010, 4279010, 180], [741000, 4279000, 170]]\nsigma_m = 0.02\n"
 )
 LIMITATIONS = "Only the façade was seen; “upper” parts are <extrapolated>."
 DOT = base64.b64decode(

@@ -7,12 +7,14 @@ import difflib
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NoReturn, TypeVar, get_args
 
 from trigpoint.consensus import Method
 from trigpoint.errors import ProjectError
+
+Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +86,49 @@ class ComparisonSettings:
 class ScaleBar:
     """Two source points a known length apart; it enters no fit."""
 
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
+    start: Place
+    end: Place
     length_m: float
     sigma_m: float
     of: str = ""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As it stands in the file."""
+        start, end, *rest = _written(self).items()
+        return {"kind": "scale_bar", "from": start[1], "to": end[1], **dict(rest)}
+
+
+@dataclass(frozen=True, slots=True)
+class UpDirection:
+    """A source direction that is known to point up; it enters no fit."""
+
+    up: Place
+    sigma_deg: float
+    of: str = ""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As it stands in the file."""
+        return {"kind": "up_direction", **_written(self)}
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPositions:
+    """Camera centres in the source frame, and where GNSS had them; they enter no fit."""
+
+    source: tuple[Place, ...]
+    target_m: tuple[Place, ...]
+    sigma_m: Place
+    of: str = ""
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As it stands in the file."""
+        return {"kind": "camera_positions", **_written(self)}
+
+
+Check = ScaleBar | UpDirection | CameraPositions
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +152,7 @@ class Project:
     reconstructions: tuple[ReconstructionInput, ...]
     alignment: AlignmentSettings
     comparison: ComparisonSettings
-    cross_checks: tuple[ScaleBar, ...]
+    cross_checks: tuple[Check, ...]
     limits: tuple[Limit, ...]
 
 
@@ -134,6 +174,7 @@ LOWEST = {
     ("comparison", "margin_m"): (0, True),
     ("cross_check", "length_m"): (0, False),
     ("cross_check", "sigma_m"): (0, False),
+    ("cross_check", "sigma_deg"): (0, False),
 }
 Section = TypeVar("Section")
 Number = TypeVar("Number", bound=float)
@@ -208,7 +249,7 @@ def project_from(tables: Mapping[str, Any], path: str | Path) -> Project:
         reconstructions,
         _fill(AlignmentSettings, tables.get("alignment", {}), "alignment", folder),
         _fill(ComparisonSettings, tables.get("comparison", {}), "comparison", folder),
-        tuple(_scale_bar(table, folder) for table in _tables(tables, "cross_check")),
+        tuple(_cross_check(table, folder) for table in _tables(tables, "cross_check")),
         tuple(_fill(Limit, table, "limit", folder) for table in _tables(tables, "limit")),
     )
     _check_whole(project)
@@ -263,6 +304,12 @@ def _value(value: Any, kind: str, where: tuple[str, str], folder: Path) -> Any:
         return _bounded(_expect(value, int, label, "a whole number"), where, label)
     if kind.startswith("float"):
         return _bounded(_number(value, label), where, label)
+    if kind == "tuple[Place, ...]":
+        if not isinstance(value, list) or not value:
+            _fail(label, value, "a list of places")
+        return tuple(_place(item, where, label) for item in value)
+    if kind == "Place":
+        return _place(value, where, label)
     if kind.startswith("tuple[float"):
         if not isinstance(value, list) or not value:
             _fail(label, value, "a list of numbers")
@@ -279,6 +326,13 @@ def _value(value: Any, kind: str, where: tuple[str, str], folder: Path) -> Any:
     if where in CHOICES and text not in CHOICES[where]:
         _fail(label, text, f"one of {', '.join(CHOICES[where])}")
     return text
+
+
+def _place(value: Any, where: tuple[str, str], label: str) -> Place:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        _fail(label, value, "three numbers")
+    x, y, z = (_bounded(_number(item, label), where, label) for item in value)
+    return x, y, z
 
 
 def _expect(value: Any, kind: type, label: str, wanted: str) -> Any:
@@ -322,20 +376,42 @@ def _inside(text: str, folder: Path, label: str) -> Path:
     return folder / path
 
 
-def _scale_bar(table: Mapping[str, Any], folder: Path) -> ScaleBar:
+def _written(check: Check) -> dict[str, Any]:
+    def listed(value: Any) -> Any:
+        return [listed(item) for item in value] if isinstance(value, tuple) else value
+
+    return {key: listed(value) for key, value in asdict(check).items()}
+
+
+def _cross_check(table: Mapping[str, Any], folder: Path) -> Check:
+    values = {key: value for key, value in table.items() if key != "kind"}
     kind = table.get("kind")
-    if kind != "scale_bar":
-        _fail("[cross_check] kind", kind, "scale_bar")
-    renamed = {"from": "start", "to": "end"}
-    refuse_unknown(table, ("kind", "from", "to", "length_m", "sigma_m", "of"), "[cross_check]")
-    values = {renamed.get(key, key): value for key, value in table.items() if key != "kind"}
-    bar = _fill(ScaleBar, values, "cross_check", folder)
-    for label, point in (("from", bar.start), ("to", bar.end)):
-        if len(point) != 3:
-            _fail(f"[cross_check] {label}", list(point), "three numbers")
-    if bar.start == bar.end:
-        _fail("[cross_check] to", list(bar.end), "another point than 'from'")
-    return bar
+    if kind == "scale_bar":
+        known = ("kind", "from", "to", "length_m", "sigma_m", "of")
+        refuse_unknown(table, known, "[cross_check]")
+        renamed = {"from": "start", "to": "end"}
+        values = {renamed.get(key, key): value for key, value in values.items()}
+        bar = _fill(ScaleBar, values, "cross_check", folder)
+        if bar.start == bar.end:
+            _fail("[cross_check] to", list(bar.end), "another point than 'from'")
+        return bar
+    if kind == "up_direction":
+        found = _fill(UpDirection, values, "cross_check", folder)
+        if not any(found.up):
+            _fail("[cross_check] up", list(found.up), "a direction: not zero")
+        return found
+    if kind == "camera_positions":
+        if not isinstance(values.get("sigma_m", []), list):  # one for all three axes
+            values["sigma_m"] = [values["sigma_m"]] * 3
+        cameras = _fill(CameraPositions, values, "cross_check", folder)
+        if len(cameras.source) != len(cameras.target_m):
+            message = (
+                f"[cross_check] has {len(cameras.source)} places in 'source' and "
+                f"{len(cameras.target_m)} in 'target_m': they must be the same cameras."
+            )
+            raise ProjectError(message)
+        return cameras
+    _fail("[cross_check] kind", kind, "one of scale_bar, up_direction, camera_positions")
 
 
 def _check_name(name: str, label: str) -> None:
@@ -363,11 +439,10 @@ def _check_whole(project: Project) -> None:
         message = "[project] date is missing; an issued project states its date."
         raise ProjectError(message)
     picked = [each.name for each in project.reconstructions if each.picks]
-    for bar in project.cross_checks:
-        if bar.of not in picked and (bar.of or len(picked) != 1):
-            _fail(
-                "[cross_check] of", bar.of, f"a reconstruction that has picks: {', '.join(picked)}"
-            )
+    for check in project.cross_checks:
+        if check.of not in picked and (check.of or len(picked) != 1):
+            wanted = f"a reconstruction that has picks: {', '.join(picked)}"
+            _fail("[cross_check] of", check.of, wanted)
     for limit in project.limits:
         if limit.of not in names:
             _fail("[limit] of", limit.of, f"one of {', '.join(names)}")

@@ -19,7 +19,7 @@ from trigpoint.canonical import plain
 from trigpoint.cautions import Caution
 from trigpoint.comparison import Comparison
 from trigpoint.criteria import judge
-from trigpoint.crosschecks import CrossCheck, scale_bar
+from trigpoint.crosschecks import CrossCheck, camera_positions, scale_bar, up_direction
 from trigpoint.crs import CrsReport
 from trigpoint.delivery import sha256
 from trigpoint.files import CloudInfo
@@ -28,7 +28,7 @@ from trigpoint.intervals import Intervals
 from trigpoint.pairing import compare_pair
 from trigpoint.placement import next_picks
 from trigpoint.preparation import Reference, Thinned
-from trigpoint.project import Project, ReconstructionInput
+from trigpoint.project import Project, ReconstructionInput, ScaleBar, UpDirection
 from trigpoint.results import (
     alignment_results,
     comparison_results,
@@ -207,15 +207,18 @@ def _next_picks(judged: Judged, reference: Reference) -> Any:
 def _cross_checks(project: Project, judged: Judged) -> Iterator[CrossCheck]:
     if judged.alignment is None:
         return
-    for bar in project.cross_checks:
-        if bar.of in ("", judged.given.name):
-            yield scale_bar(
-                judged.alignment.reliability,
-                bar.start,
-                bar.end,
-                length=bar.length_m,
-                sigma=bar.sigma_m,
-            )
+    worth = judged.alignment.reliability
+    for given in project.cross_checks:
+        if given.of not in ("", judged.given.name):
+            continue
+        if isinstance(given, ScaleBar):
+            ends = given.start, given.end
+            yield scale_bar(worth, *ends, length=given.length_m, sigma=given.sigma_m)
+        elif isinstance(given, UpDirection):
+            yield up_direction(worth, given.up, sigma_deg=given.sigma_deg)
+        else:
+            source, target = np.array(given.source), np.array(given.target_m)
+            yield camera_positions(worth, source, target, sigma=given.sigma_m)
 
 
 def _cautions(audit: Audit, checks: dict[str, tuple[CrossCheck, ...]]) -> Iterator[Caution]:

@@ -69,6 +69,17 @@ intervals = true
 # length_m = 3.2
 # sigma_m = 0.005
 
+# [[cross_check]]             # a direction of the neural cloud that is known to point up
+# kind = "up_direction"
+# up = [0, 0, 1]
+# sigma_deg = 0.2
+
+# [[cross_check]]             # camera centres of the neural cloud, and where GNSS had them
+# kind = "camera_positions"
+# source = [[0, 0, 0], [1, 0, 0]]
+# target_m = [[741000.0, 4279000.0, 180.0], [741003.2, 4279000.0, 180.0]]
+# sigma_m = [0.02, 0.02, 0.04]
+
 # [[limit]]                   # your own limits; with none the verdict is NOT TESTED
 # quantity = "loocv.rmse_m"   # a number of results.json, below its reconstruction
 # of = "nerf"

@@ -222,8 +222,7 @@ def project_tables(project: Project, folder: Path) -> Table:
             tables[name] = [_table(each, folder) for each in value]
         else:
             tables[name] = _table(value, folder)
-    for bar in tables["cross_check"]:
-        bar.update({"kind": "scale_bar", "from": bar.pop("start"), "to": bar.pop("end")})
+    tables["cross_check"] = [check.table for check in project.cross_checks]
     margin = tables["comparison"]["margin_m"]
     tables["comparison"]["margin_m"] = "none" if margin is None else margin
     return tables
@@ -252,7 +251,7 @@ def _plain(value: Any, folder: Path) -> Any:
     if isinstance(value, Path):
         inside = value.is_relative_to(folder) and ".." not in value.parts
         return (value.relative_to(folder) if inside else value).as_posix()
-    return list(value) if isinstance(value, tuple) else value
+    return [_plain(item, folder) for item in value] if isinstance(value, tuple) else value
 
 
 def _toml(value: Any) -> str:

@@ -64,17 +64,7 @@ def tables_of(project: Project) -> dict[str, Any]:
         "reconstruction": [stated(asdict(each)) for each in project.reconstructions],
         "alignment": asdict(project.alignment),
         "comparison": comparison | {"margin_m": "none" if margin is None else margin},
-        "cross_check": [
-            {
-                "kind": "scale_bar",
-                "from": bar.start,
-                "to": bar.end,
-                "length_m": bar.length_m,
-                "sigma_m": bar.sigma_m,
-                "of": bar.of,
-            }
-            for bar in project.cross_checks
-        ],
+        "cross_check": [check.table for check in project.cross_checks],
         "limit": [stated(asdict(limit)) for limit in project.limits],
     }
 

@@ -95,6 +95,7 @@ def picked(ids, *, fit=FIT, loocv=LOOCV, checks=()):
             "sigma0_high_m": 1.7 * sigma,
             "scale_low": SCALE - 0.01 if known else None,
             "scale_high": SCALE + 0.01 if known else None,
+            "centroid_m": [741_010.0, 4_279_010.0, 165.0],
             "covariance": np.diag([1e-6] * 4 + [2e-3] * 3) if known else None,
             "rotation_sigma_deg": [0.4, 0.2, 0.1] if known else [None] * 3,
             "picks": [

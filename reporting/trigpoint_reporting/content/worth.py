@@ -150,7 +150,8 @@ def _next(name: str, worth: Numbers) -> Iterator[Table]:
 def _cross_checks(name: str, worth: Numbers) -> Iterator[Block]:
     rows = worth.rows("cross_checks")
     if not rows:
-        yield Passage(("No cross check was given: no scale bar, no known length.",), "note")
+        message = "No cross check was given: no scale bar, vertical or camera positions."
+        yield Passage((message,), "note")
         return
     table: list[tuple[Cell, ...]] = [
         (

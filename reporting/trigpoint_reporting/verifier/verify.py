@@ -362,6 +362,7 @@ def angle_deg(one: Array, other: Array) -> float:
 class Adjusted:
     """The fit as a linear problem in ln scale, three rotations and the centroid's position."""
 
+    centroid: Array
     design: Array
     weights: Array
     residuals: Array
@@ -374,14 +375,19 @@ def adjust(fit: Fit, source: Array, target: Array, weights: Array) -> Adjusted:
     weights = weights / weights.mean()
     carried = fit(source)
     centroid = target[0] + (weights / weights.sum()) @ (target - target[0])
-    p = carried - centroid
-    design = np.zeros((len(p), 3, 7))
-    design[:, :, 0] = p
-    design[:, :, 1:4] = np.cross(np.eye(3)[None], p[:, None, :]).transpose(0, 2, 1)
-    design[:, :, 4:] = np.eye(3)
+    design = motions(carried - centroid)
     cofactor = invert(np.einsum("nia,n,nib->ab", design, weights, design))
     hat = np.einsum("nia,ab,njb,n->nij", design, cofactor, design, weights)
-    return Adjusted(design, weights, target - carried, cofactor, np.eye(3) - hat)
+    return Adjusted(centroid, design, weights, target - carried, cofactor, np.eye(3) - hat)
+
+
+def motions(arms: Array) -> Array:
+    """Return how the seven parameters move points at arms (n, 3) from the centroid: (n, 3, 7)."""
+    design = np.zeros((len(arms), 3, 7))
+    design[:, :, 0] = arms
+    design[:, :, 1:4] = np.cross(np.eye(3)[None], arms[:, None, :]).transpose(0, 2, 1)
+    design[:, :, 4:] = np.eye(3)
+    return design
 
 
 def invert(normal: Array) -> Array:
@@ -531,9 +537,9 @@ def check_alignment(
     adjusted = adjust(fit, used.source, used.target, weights)
     check_loocv(report, f"{place}.loocv", stored["loocv"], used, weights, fit, adjusted, step)
     name = place.removeprefix("reconstructions.")
-    bars = [bar for bar in settings.get("cross_check", []) if bar.get("of", "") in ("", name)]
+    given = [each for each in settings.get("cross_check", []) if each.get("of", "") in ("", name)]
     accuracy = settings.get("reference", {}).get("accuracy_m")
-    check_reliability(report, f"{place}.reliability", stored, used, fit, adjusted, step, bars)
+    check_reliability(report, f"{place}.reliability", stored, used, fit, adjusted, step, given)
     others = evidence.take([k for k, role in enumerate(evidence.roles) if role == "check"])
     check_checks(report, f"{place}.checks", stored["checks"], others, fit, step, accuracy)
 
@@ -656,7 +662,7 @@ def check_reliability(
     fit: Fit,
     adjusted: Adjusted,
     step: float,
-    bars: list[Json],
+    given: list[Json],
 ) -> None:
     """Recompute sigmas, intervals, covariance, redundancy and the tests of every pick."""
     worth, count = stored["reliability"], len(used.ids)
@@ -669,6 +675,7 @@ def check_reliability(
     sigma0 = math.sqrt(left / dof)
     low, high = (math.sqrt(dof / solve(lambda x: chi2_sf(x, dof), tail)) for tail in (0.025, 0.975))
     report.close(f"{at}.sigma0_m", worth["sigma0_m"], sigma0, 2 * step)
+    report.close(f"{at}.centroid_m", worth["centroid_m"], adjusted.centroid.tolist(), step)
     report.close(f"{at}.sigma0_low_m", worth["sigma0_low_m"], sigma0 * low, 2 * step * low)
     report.close(f"{at}.sigma0_high_m", worth["sigma0_high_m"], sigma0 * high, 2 * step * high)
 
@@ -704,7 +711,7 @@ def check_reliability(
         report, f"{at}.picks", worth, used, adjusted, shape / unit, sigma, left, known, fit
     )
     freedom = math.inf if known else dof
-    _check_bars(report, at, worth["cross_checks"], bars, fit, sigma**2 * float(form[0, 0]), freedom)
+    _cross_check(report, at, worth["cross_checks"], given, fit, adjusted, sigma**2 * form, freedom)
 
 
 def _check_picks(
@@ -777,30 +784,67 @@ def _check_picks(
         )
 
 
-def _check_bars(
+def _cross_check(
     report: Report,
     at: str,
     rows: list[Json],
-    bars: list[Json],
+    given: list[Json],
     fit: Fit,
-    variance: float,
+    adjusted: Adjusted,
+    covariance: Array,
     dof: float,
 ) -> None:
-    """Check the scale against known lengths, as the settings state them."""
-    report.equal(f"{at}.cross_checks (how many)", len(rows), len(bars))
-    for k, (row, bar) in enumerate(zip(rows, bars, strict=False)):
-        apart = math.dist(bar["from"], bar["to"])
-        found = fit.scale * apart - bar["length_m"]
-        fitted, given = (fit.scale * apart) ** 2 * variance, bar["sigma_m"] ** 2
-        square, share = found**2 / (fitted + given), fitted / (fitted + given)
-        exactly = dof > 1e6 * share**2
-        p = chi2_sf(square, 1) if exactly else f_sf(square, 1, dof / share**2)
+    """Check the similarity against what else is known, as the settings state it."""
+    report.equal(f"{at}.cross_checks (how many)", len(rows), len(given))
+    for k, (row, check) in enumerate(zip(rows, given, strict=False)):
         here = f"{at}.cross_checks[{k}]"
-        sigma = math.sqrt(fitted + given)
-        step = 1e-8 * max(1.0, apart)
-        report.close(f"{here}.discrepancy", row["discrepancy"], found, step)
-        report.close(f"{here}.sigma", row["sigma"], sigma, step)
-        report.close(f"{here}.p_value", row["p_value"], p, 1e-9 + 8 * step / sigma)
+        report.equal(f"{here}.kind", row["kind"], check["kind"])
+        errors, design, own, size, step = _differences(check, fit, adjusted)
+        fitted = design @ covariance @ design.T
+        weight = np.linalg.inv(fitted + np.diag(own))
+        square = float(errors @ weight @ errors)
+        share = float(np.trace(weight @ fitted)) / len(errors)
+        exactly = dof > 1e6 * share**2
+        p = (
+            chi2_sf(square, len(errors))
+            if exactly
+            else f_sf(square / len(errors), len(errors), dof / share**2)
+        )
+        unit = math.degrees(1) if check["kind"] == "up_direction" else 1.0
+        found = float(errors[0]) if len(errors) == 1 else math.sqrt(float(errors @ errors) / size)
+        sigma = math.sqrt((float(np.trace(fitted)) + float(own.sum())) / size)
+        report.close(f"{here}.discrepancy", row["discrepancy"], unit * found, unit * step)
+        report.close(f"{here}.sigma", row["sigma"], unit * sigma, unit * step)
+        loose = 8 * len(errors) * step / math.sqrt(float(own.min()))
+        report.close(f"{here}.p_value", row["p_value"], p, 1e-9 + loose)
+
+
+def _differences(
+    check: Json, fit: Fit, adjusted: Adjusted
+) -> tuple[Array, Array, Array, int, float]:
+    """Return what a check finds (k,), how the parameters move it (k, 7), and its variances (k,).
+
+    Also by how many the squares are to be divided, and how far rounding may move what is found.
+    """
+    if check["kind"] == "scale_bar":
+        apart = math.dist(check["from"], check["to"])
+        design = np.zeros((1, 7))
+        design[0, 0] = fit.scale * apart
+        errors = np.array([fit.scale * apart - check["length_m"]])
+        return errors, design, np.array([check["sigma_m"] ** 2]), 1, 1e-8 * max(1.0, apart)
+    if check["kind"] == "up_direction":
+        up = np.array(check["up"], float)
+        x, y, z = fit.rotation @ (up / np.linalg.norm(up))
+        flat = math.hypot(x, y)
+        axis = np.array([y, -x]) / flat if flat > 0 else np.array([1.0, 0.0])
+        own = np.full(2, math.radians(check["sigma_deg"]) ** 2)
+        return math.atan2(flat, z) * axis, np.eye(7)[1:3], own, 1, 1e-8
+    carried = fit(np.array(check["source"], float))
+    errors = np.array(check["target_m"], float) - carried
+    arms = carried - adjusted.centroid
+    own = np.tile(np.square(check["sigma_m"]), len(arms))
+    step = 1e-8 * max(1.0, float(np.abs(arms).max()))
+    return errors.ravel(), motions(arms).reshape(-1, 7), own, len(arms), step
 
 
 # --- distances --------------------------------------------------------------------------------
