@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NoReturn
 
-from trigpoint.delivery import sha256
 from trigpoint.errors import ProjectError, TrigpointError
 from trigpoint.picks import FARTHEST
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
+from trigpoint_panel.fingerprints import Fingerprints
 from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
 from trigpoint_panel.projects import project_tables, without_none
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
@@ -31,29 +31,6 @@ class SessionError(TrigpointError, ValueError):
 
 class _NotSessionError(ValueError):
     """What is wrong with a document, to be said with its file's name."""
-
-
-class Fingerprints:
-    """SHA-256 of files, each worked out once for as long as its size and date stay."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[Path, int, int], str] = {}
-
-    def of(self, path: Path, *, hashing: bool = True) -> dict[str, Any]:
-        """Return `bytes` and `sha256` of a file; without `hashing` only a hash that is known.
-
-        Raises
-        ------
-        OSError
-            If it can't be read.
-        """
-        at = path / "ept.json" if path.is_dir() else path
-        status = at.stat()
-        key = (at, status.st_size, status.st_mtime_ns)
-        if hashing and key not in self._known:
-            self._known[key] = sha256(at)
-        said = {"bytes": status.st_size, "sha256": self._known.get(key)}
-        return {name: value for name, value in said.items() if value is not None}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,17 +143,18 @@ def read_document(path: Path) -> Opened:
             _refuse(f"its format is {_shown(document.get('format'))}, not {FORMAT}")
         files = _typed(document, "files", dict)
         state = _state(document, files, folder)
+        saved_as = document.get("saved_as")
+        session = _found(saved_as, folder) if isinstance(saved_as, str) else None
     except (ProjectError, _NotSessionError) as error:
         message = f"{path.name} is no session: {str(error).rstrip('.')}."
         raise SessionError(message) from error
     known = Fingerprints()
     cameras = document.get("cameras")
-    saved_as = document.get("saved_as")
     return Opened(
         state,
         cameras if isinstance(cameras, dict) else {},
         tuple(_doubts(state, files, known)),
-        _found(saved_as, folder) if isinstance(saved_as, str) else None,
+        session,
         known,
     )
 
@@ -184,6 +162,8 @@ def read_document(path: Path) -> Opened:
 def _loaded(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8-sig"))
+        # An escape can stand for half a letter, which no file or path can hold.
+        json.dumps(document, ensure_ascii=False).encode()
     except OSError as error:
         message = f"{path.name} can't be read: {error.strerror or error}."
         raise SessionError(message) from error
@@ -234,17 +214,20 @@ def _project(tables: dict[str, Any], files: dict[str, Any], folder: Path) -> Pro
             _refuse(f"the path of its {name} is missing")
         paths[name] = _found(record["path"], folder)
     tables = without_none(tables)
-    if isinstance(date := tables.get("project", {}).get("date"), str):
+    about, reference = _typed(tables, "project", dict), _typed(tables, "reference", dict)
+    if isinstance(date := about.get("date"), str):
         try:
-            tables["project"]["date"] = dt.date.fromisoformat(date)
+            about["date"] = dt.date.fromisoformat(date)
         except ValueError:
             _refuse(f"its date is {_shown(date)}")
-    tables.setdefault("reference", {})["path"] = str(paths.get("reference", _ABSENT))
-    tables["reference"]["region"] = str(paths.get("region", ""))
-    for table in tables.get("reconstruction", []):
-        name = table.get("name")
-        table["path"] = str(paths.get(f"reconstruction {name}", _ABSENT))
-        table["picks"] = str(paths.get(f"picks {name}", ""))
+    reference["path"] = str(paths.get("reference", _ABSENT))
+    reference["region"] = str(paths.get("region", ""))
+    for table in _typed(tables, "reconstruction", list):
+        if not isinstance(table, dict):
+            _refuse(f"one of its reconstructions is {_shown(table)}")
+        own = table.get("name")
+        table["path"] = str(paths.get(f"reconstruction {own}", _ABSENT))
+        table["picks"] = str(paths.get(f"picks {own}", ""))
     project = project_from(tables, folder / "project.toml")
     if "reference" not in paths:
         project = replace(project, reference=replace(project.reference, path=NOWHERE))
@@ -300,7 +283,9 @@ def _pair(row: Any) -> Pair:
     role = row.get("role", "control")
     if role not in ROLES:
         _refuse(f"pair {name!r} has the role {_shown(role)}")
-    extra = row.get("extra", [])
+    note, extra = row.get("note", ""), row.get("extra", [])
+    if not isinstance(note, str):
+        _refuse(f"pair {name!r} has a note that is no text")
     if not isinstance(extra, list) or not all(
         isinstance(cell, list) and len(cell) == 2 and all(isinstance(part, str) for part in cell)
         for cell in extra
@@ -313,7 +298,7 @@ def _pair(row: Any) -> Pair:
         _place(row.get("target"), name),
         _sigma(row.get("sigma_source"), name),
         _sigma(row.get("sigma_target"), name),
-        str(row.get("note", "")),
+        note,
         tuple((column, cell) for column, cell in extra),
     )
 
@@ -373,6 +358,8 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _found(text: str, folder: Path) -> Path:
+    if "\0" in text or not text:
+        _refuse(f"{_shown(text)} is no path")
     if PureWindowsPath(text).is_absolute() or PurePosixPath(text).is_absolute():
         return Path(text)
     return Path(os.path.normpath(folder / text.replace("\\", "/")))

@@ -9,12 +9,12 @@ from typing import Any
 
 from trigpoint.canonical import write_text
 from trigpoint_panel.documents import (
-    Fingerprints,
     Opened,
     SessionError,
     document_text,
     read_document,
 )
+from trigpoint_panel.fingerprints import Fingerprints
 from trigpoint_panel.model import Model
 from trigpoint_panel.projects import state_from_project, write_project
 from trigpoint_panel.state import NOWHERE, State

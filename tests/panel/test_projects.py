@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trigpoint.errors import ProjectError, TrigpointError
-from trigpoint.project import Limit, ReconstructionInput, ScaleBar, project_from, read_project
+from trigpoint.project import (
+    CameraPositions,
+    Limit,
+    ReconstructionInput,
+    ScaleBar,
+    UpDirection,
+    project_from,
+    read_project,
+)
 from trigpoint.starter import PICKS, PROJECT
 from trigpoint_panel.pairs import Pair
 from trigpoint_panel.projects import (
@@ -39,7 +47,11 @@ def whole(folder):
             ReconstructionInput("nerf", folder / "nerf.ply", "neural", folder / "picks.csv"),
         ),
         comparison=replace(BLANK.comparison, margin_m=None, within_m=(0.1, 1e-7), icp=False),
-        cross_checks=(ScaleBar((0.0, 0.0, 0.0), (1.0, 0.0, 1e-9), 3.2, 0.005, "nerf"),),
+        cross_checks=(
+            ScaleBar((0.0, 0.0, 0.0), (1.0, 0.0, 1e-9), 3.2, 0.005, "nerf"),
+            UpDirection((0.0, 0.1, 1.0), 0.5),
+            CameraPositions(((0.0, 0.0, 1.0),) * 2, ((7.0, 8.0, 9.0),) * 2, (0.1, 0.1, 0.2)),
+        ),
         limits=(Limit("loocv.rmse_m", "nerf", "brief, clause 4", max=0.25),),
     )
 

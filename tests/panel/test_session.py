@@ -238,12 +238,12 @@ def test_changes_are_autosaved_elsewhere_where_the_session_can_not_be_written(
 
 
 def test_autosaving_hashes_no_file(started, tmp_path, monkeypatch):
-    from trigpoint_panel import documents
+    from trigpoint_panel import fingerprints
 
     def refuse(path):
         raise AssertionError(path)
 
-    monkeypatch.setattr(documents, "sha256", refuse)
+    monkeypatch.setattr(fingerprints, "sha256", refuse)
     assert started.autosave() == ""
     (left,) = (tmp_path / "scratch").iterdir()
     assert read_session(left).doubts == ()
