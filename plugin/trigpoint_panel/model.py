@@ -16,6 +16,7 @@ from trigpoint.similarity import Similarity
 from trigpoint_panel.cells import NOTHING, PLACES, Column, Draft, typed_cell, typed_place
 from trigpoint_panel.exchange import export_pairs, with_picks, with_points
 from trigpoint_panel.ghosts import Ghost, distance_doubt, predict
+from trigpoint_panel.history import History
 from trigpoint_panel.operators import Repeatability, repeatability, second_round, with_sigmas
 from trigpoint_panel.pairs import (
     ROLES,
@@ -53,13 +54,6 @@ class Placed:
     warning: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    text: str
-    before: State
-    after: State
-
-
 class Model:
     """The current state of a session, with undo and with listeners.
 
@@ -70,8 +64,7 @@ class Model:
     def __init__(self, state: State | None = None) -> None:
         self.changed: list[Callable[[], None]] = []
         self._state = state or State()
-        self._done: list[_Step] = []
-        self._undone: list[_Step] = []
+        self._history = History()
         self._survey: Survey | None = None
         self._drafts: dict[tuple[str, Side], Draft] = {}
         self._reported: object = None
@@ -142,31 +135,24 @@ class Model:
     @property
     def undo_text(self) -> str:
         """What undo would undo; empty: nothing."""
-        return self._done[-1].text if self._done else ""
+        return self._history.undo_text
 
     @property
     def redo_text(self) -> str:
         """What redo would do again; empty: nothing."""
-        return self._undone[-1].text if self._undone else ""
+        return self._history.redo_text
 
     def undo(self) -> None:
         """Go back one step; nothing happens without one."""
-        if self._done:
-            step = self._done.pop()
-            self._undone.append(step)
-            self._set(with_paths_of(self._state, step.before))
+        self._back_to(self._history.undo())
 
     def redo(self) -> None:
         """Go forward again one step; nothing happens without one."""
-        if self._undone:
-            step = self._undone.pop()
-            self._done.append(step)
-            self._set(with_paths_of(self._state, step.after))
+        self._back_to(self._history.redo())
 
     def load(self, state: State) -> None:
         """Take over another session: nothing of the former can be undone."""
-        self._done.clear()
-        self._undone.clear()
+        self._history = History()
         self._drafts.clear()
         self._reported = self._survey = None
         self._state = state
@@ -408,17 +394,9 @@ class Model:
     # Files and operators -----------------------------------------------------------------------
 
     def import_picks(self, path: Path | str, *, replacing: bool = False) -> tuple[str, ...]:
-        """Add the pairs of a picks.csv, or take them in place of the current ones.
+        """Add the pairs of a picks.csv, or take them in place of the current ones; return doubts.
 
-        Returns
-        -------
-        tuple of str
-            Doubts, a sentence each.
-
-        Raises
-        ------
-        TrigpointError
-            In a sentence, also for what another program's list is; or if an id is taken.
+        See `trigpoint_panel.exchange.with_picks`, also for what is refused.
         """
         self._refuse_second_operator()
         crs = reference_crs(self._state.project)
@@ -428,20 +406,9 @@ class Model:
         return doubts
 
     def import_points(self, path: Path | str, side: Side) -> tuple[str, ...]:
-        """Fill the halves of one side from a CloudCompare picking list.
+        """Fill the halves of one side from a CloudCompare picking list; return the ids filled.
 
-        A point goes to the pair of its name, else to the first pair whose half is open, else it
-        begins a pair. Coordinates are source units, or metres.
-
-        Returns
-        -------
-        tuple of str
-            The ids of the pairs filled, in the list's order.
-
-        Raises
-        ------
-        PicksError
-            In a sentence, if the file is no such list; the pairs are as they were.
+        See `trigpoint_panel.exchange.with_points`, also for what is refused.
         """
         self._refuse_second_operator()
         pairs, filled = with_points(self._state.pairs, path, side)
@@ -449,19 +416,9 @@ class Model:
         return filled
 
     def export_picks(self, path: Path | str) -> tuple[Path, ...]:
-        """Write the complete pairs: .csv for the engine, .points for QGIS, .txt for CloudCompare.
+        """Write the complete pairs as the path's ending says, and return the files written.
 
-        QGIS's file holds the plan only; CloudCompare's are two lists, one a side.
-
-        Returns
-        -------
-        tuple of Path
-            The files written.
-
-        Raises
-        ------
-        TrigpointError
-            If there is nothing to write, or no way to.
+        See `trigpoint_panel.exchange.export_pairs`, also for what is refused.
         """
         pairs = self._state.first or self._state.pairs
         return export_pairs(pairs, Path(path), crs=reference_crs(self._state.project))
@@ -553,13 +510,21 @@ class Model:
         if replace(after, selected=None) == replace(self._state, selected=None):
             self._set(after)
             return
-        self._done.append(_Step(text, self._state, after))
-        self._undone.clear()
+        self._history.add(text, self._state, after)
         self._set(after)
+
+    def _back_to(self, state: State | None) -> None:
+        if state is not None:
+            self._set(with_paths_of(self._state, state))
 
     def _set(self, state: State) -> None:
         if state != self._state:
             self._state = state
+            self._drafts = {
+                (name, side): draft
+                for (name, side), draft in self._drafts.items()
+                if (pair := find(state.pairs, name)) is not None and pair.at(side) is None
+            }
             self._tell()
 
     def _tell(self) -> None:

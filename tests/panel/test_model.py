@@ -249,6 +249,20 @@ def test_a_pair_can_be_typed_cell_by_cell_or_whole():
     assert model.pairs[0].sigma_target is None
 
 
+def test_what_was_typed_is_forgotten_with_its_pair_or_its_pick():
+    model = Model()
+    name = model.new_pair()
+    model.edit(name, "source_x", "1")
+    model.edit(name, "target_x", "1")
+    model.place("source", [4, 5, 6])
+    assert model.draft(name, "source") == (None, None, None)
+    assert model.draft(name, "target") == (1.0, None, None)
+    model.undo()
+    model.undo()
+    assert model.new_pair() == name
+    assert model.draft(name, "target") == (None, None, None)
+
+
 @pytest.mark.parametrize(
     ("column", "text", "words"),
     [
