@@ -115,7 +115,7 @@ def audit(tick: Tick, python: Sequence[str], project: Project) -> Audited:
             try:
                 line = lines.get(timeout=0.1)
             except queue.Empty:
-                tick(share, said[-1] if said else "Starting the audit")
+                tick(share, said[-1] if said else "Starting the audit")  # or hear of a cancel
                 continue
             if line is None:
                 break

@@ -12,7 +12,6 @@ from qtpy.QtWidgets import (
     QLabel,
     QMenu,
     QSizePolicy,
-    QSlider,
     QToolBar,
     QToolButton,
     QWidget,
@@ -56,14 +55,11 @@ class Bar(QToolBar):
 
     Attributes
     ----------
-    snap_changed : Signal(str, float)
-        What clicks snap to, and how far around, in metres.
-    opacity_changed : Signal(float)
-        Of the overlay.
+    snap_changed : Signal(str, object)
+        What clicks snap to, and how far around, in metres; None: as near as one can point.
     """
 
-    snap_changed = Signal(str, float)
-    opacity_changed = Signal(float)
+    snap_changed = Signal(str, object)
 
     def __init__(self, actions: dict[str, QAction], parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -84,11 +80,12 @@ class Bar(QToolBar):
         self.addWidget(self.snap)
         self.radius = QDoubleSpinBox(self)
         self.radius.setAccessibleName("Snap radius")
-        self.radius.setToolTip("How far around the click snapping looks, in metres.")
-        self.radius.setRange(0.01, 100)
+        self.radius.setToolTip("How far around the click snapping looks; auto: a few pixels.")
+        self.radius.setRange(0, 100)
+        self.radius.setSpecialValueText("auto")
         self.radius.setSingleStep(0.1)
         self.radius.setSuffix(" m")
-        self.radius.setValue(0.5)
+        self.radius.setValue(0)
         self.radius.setEnabled(False)
         self.addWidget(self.radius)
         self.addSeparator()
@@ -97,14 +94,6 @@ class Bar(QToolBar):
         self.addSeparator()
         for name in ("link", "overlay", "swap"):
             self.addAction(actions[name])
-        self.opacity = QSlider(Qt.Orientation.Horizontal, self)
-        self.opacity.setAccessibleName("Opacity of the overlay")
-        self.opacity.setToolTip("Opacity of the overlay")
-        self.opacity.setRange(0, 100)
-        self.opacity.setValue(60)
-        self.opacity.setFixedWidth(80)
-        self._opacity = self.addWidget(self.opacity)
-        self._opacity.setVisible(False)
         self.addSeparator()
         self.addAction(actions["next_places"])
         space = QWidget(self)
@@ -121,24 +110,19 @@ class Bar(QToolBar):
         self._fill(self.menu)
         self.menu_button.setMenu(self.menu)
         self.addWidget(self.menu_button)
+        self.widgetForAction(actions["pick"]).setObjectName("pick-button")
         for button in self.findChildren(QToolButton):
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.snap.currentIndexChanged.connect(self._snap)
         self.radius.valueChanged.connect(self._snap)
-        self.opacity.valueChanged.connect(lambda v: self.opacity_changed.emit(v / 100))
-        actions["overlay"].toggled.connect(self._opacity.setVisible)
 
     def restyle(self, look: Look) -> None:
         """Draw the icons in the theme's colours."""
         for name, command in COMMANDS.items():
             if command.icon:
-                self._actions[name].setIcon(icon(command.icon, look.text, look.on_accent))
+                down = look.on_accent if name == "pick" else look.accent
+                self._actions[name].setIcon(icon(command.icon, look.text, down))
         self.menu_button.setIcon(icon("menu", look.text, look.text))
-
-    def set_snap(self, mode: Mode, radius_m: float) -> None:
-        """Choose what clicks snap to, as a hand does."""
-        self.radius.setValue(radius_m)
-        self.snap.setCurrentIndex(self.snap.findData(mode))
 
     def _fill(self, menu: QMenu) -> None:
         for group in MENU:
@@ -153,7 +137,7 @@ class Bar(QToolBar):
     def _snap(self) -> None:
         mode = cast(Mode, self.snap.currentData())
         self.radius.setEnabled(mode != "point")
-        self.snap_changed.emit(mode, self.radius.value())
+        self.snap_changed.emit(mode, self.radius.value() or None)
 
 
 def _label(text: str, parent: QWidget) -> QLabel:

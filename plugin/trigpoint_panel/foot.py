@@ -25,10 +25,13 @@ class Foot(QWidget):
     running : Running or None
         As the state line tells it.
     changed : Signal()
-        A job began, went on, or ended.
+        A job began or ended.
+    went_on : Signal()
+        A job has told how far it is.
     """
 
     changed = Signal()
+    went_on = Signal()
 
     def __init__(self, run: Callable[[Job], object], parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -104,7 +107,7 @@ class Foot(QWidget):
         self.bar.setRange(0, 1000 if known else 0)
         self.bar.setValue(int(1000 * share) if known else 0)
         self.running = Running(text or self.job.title, share if known else None)
-        self.changed.emit()
+        self.went_on.emit()
 
     def _ended(self) -> None:
         self.job, self.running = None, None

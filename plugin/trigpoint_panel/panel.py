@@ -42,6 +42,7 @@ from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import SIDES, Side
 from trigpoint_panel.report_tab import ReportTab
 from trigpoint_panel.session import Session
+from trigpoint_panel.state import State
 from trigpoint_panel.stateline import StateLine, state_line
 from trigpoint_panel.style import look_of, sheet, theme_of
 from trigpoint_panel.table import PairTable
@@ -49,6 +50,7 @@ from trigpoint_panel.view import Picked
 from trigpoint_panel.views import TwoViews
 
 AUTOSAVE_MS = 400
+OPACITY = 0.6  # of the overlay, at first
 SIZES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # of points, in pixels
 
 
@@ -334,9 +336,7 @@ class Panel(QWidget):
             view.dropped.connect(lambda path, side=side: desk.open_dropped(Path(path), side))
         views.hovered.connect(self.foot.where.setText)
         self.bar.snap_changed.connect(views.set_snap)
-        self.bar.opacity_changed.connect(views.target.set_overlay_opacity)
-        views.set_snap("point", self.bar.radius.value())
-        views.target.set_overlay_opacity(self.bar.opacity.value() / 100)
+        views.target.set_overlay_opacity(OPACITY)
         self.table.flown.connect(self._fly)
         self.table.refused.connect(partial(self.host.message, "error"))
         self.table.role_wanted.connect(self._cycle_role)
@@ -350,6 +350,7 @@ class Panel(QWidget):
         for tab in (self.align_tab, self.errors_tab, self.report_tab):
             tab.refused.connect(partial(self.host.message, "error"))
         self.foot.changed.connect(self._show_state)
+        self.foot.went_on.connect(lambda: self.foot.show_line(self.line))
 
     # What happens ------------------------------------------------------------------------------
 
@@ -475,9 +476,8 @@ class Panel(QWidget):
         if findings is not None:
             self.views.isolate(findings, zone)
 
-    def _audited(self, audited: Audited, asked: object) -> None:
-        if self.model.state is asked or self.model.state == asked:
-            self.model.mark_reported()
+    def _audited(self, audited: Audited, asked: State) -> None:
+        self.model.mark_reported(asked)
         self.report_tab.set_audited(audited)
         documents = audited.documents
         ways: list[tuple[str, Callable[[], object]]] = [

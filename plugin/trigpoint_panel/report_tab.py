@@ -48,6 +48,10 @@ class ReportTab(Tab):
             faint=True,
         )
         (self.make,) = self.buttons(("Make the report", self.report_wanted.emit))
+        self.icp = QCheckBox("Put rigid ICP on trial", self.inside)
+        self.column.addWidget(self.icp)
+        self.intervals = QCheckBox("Work out intervals", self.inside)
+        self.column.addWidget(self.intervals)
         self.opens = QCheckBox("Open it when it is done", self.inside)
         self.opens.setChecked(True)
         self.column.addWidget(self.opens)
@@ -87,6 +91,8 @@ class ReportTab(Tab):
         form.addRow(self.limitations)
         self.column.addStretch(1)
 
+        for box, key in ((self.icp, "icp"), (self.intervals, "intervals")):
+            box.toggled.connect(partial(self._set_comparison, key))
         self.identity.editingFinished.connect(partial(self._set, "id", self.identity))
         for key, field in self.fields.items():
             field.editingFinished.connect(partial(self._set, key, field))
@@ -104,6 +110,10 @@ class ReportTab(Tab):
         for key, field in self.fields.items():
             show_text(field, getattr(about, key))
         show_text(self.date, "" if about.date is None else about.date.isoformat())
+        settings = self._model.state.comparison
+        with quietly(self.icp, self.intervals):
+            self.icp.setChecked(settings.icp)
+            self.intervals.setChecked(settings.intervals)
         with quietly(self.status, self.revision):
             self.status.setCurrentText(about.status)
             self.revision.setValue(about.revision)
@@ -155,6 +165,9 @@ class ReportTab(Tab):
         if field.text() != getattr(self._model.state.about, key):
             self.change(self._model.set_about, **{key: field.text().strip()})
             self.refresh(can_run=self.make.isEnabled())  # what was refused goes back
+
+    def _set_comparison(self, key: str, on: bool) -> None:
+        self.change(self._model.set_comparison, **{key: on})
 
     def _set_date(self) -> None:
         self.date.setModified(False)

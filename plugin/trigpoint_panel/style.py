@@ -127,6 +127,8 @@ def sheet(look: Look) -> str:
     QToolBar QToolButton {{ padding: 3px 6px; border-radius: 4px; border: 1px solid transparent; }}
     QToolBar QToolButton:hover {{ background: {look.raised}; }}
     QToolBar QToolButton:checked {{
+      background: {look.raised}; color: {look.accent}; border-color: {look.line}; }}
+    QToolBar QToolButton#pick-button:checked {{
       background: {look.accent}; color: {look.on_accent}; }}
     QToolBar QToolButton:focus {{ border-color: {look.accent}; }}
     QToolBar::separator {{ background: {look.line}; width: 1px; margin: 4px 4px; }}

@@ -49,7 +49,7 @@ class TwoViews(QSplitter):
         self._is_linked = self._is_overlaid = False
         self._shows_next = True
         self._similarity: Similarity | None = None
-        self._snap: tuple[Mode, float] = ("point", 0.3)
+        self._snap: tuple[Mode, float | None] = ("point", None)
         self._under: dict[Side, Place | None] = {"source": None, "target": None}
         self.setChildrenCollapsible(False)
         for side in SIDES:
@@ -118,8 +118,8 @@ class TwoViews(QSplitter):
         self._shows_next = on
         self.refresh()
 
-    def set_snap(self, mode: Mode, radius_m: float) -> None:
-        """Set what clicks snap to, and how far around, in metres."""
+    def set_snap(self, mode: Mode, radius_m: float | None) -> None:
+        """Set what clicks snap to, and how far around in metres; None: a few pixels."""
         self._snap = (mode, radius_m)
         self._set_snap()
 
@@ -201,7 +201,7 @@ class TwoViews(QSplitter):
     def _set_snap(self) -> None:
         mode, radius = self._snap
         self.target.set_snap(mode, radius)
-        self.source.set_snap(mode, radius / self._metres_per_unit())
+        self.source.set_snap(mode, None if radius is None else radius / self._metres_per_unit())
 
     def _metres_per_unit(self) -> float:
         """Of the source: as fitted, else as the sizes of the clouds suggest."""
