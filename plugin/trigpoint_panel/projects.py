@@ -15,7 +15,7 @@ import pyproj
 
 from trigpoint.canonical import write_text
 from trigpoint.crs import parse_crs
-from trigpoint.errors import ProjectError, TrigpointError
+from trigpoint.errors import PicksError, ProjectError, TrigpointError
 from trigpoint.files import describe
 from trigpoint.picks import examine, read_picks, write_picks
 from trigpoint.project import (
@@ -153,10 +153,7 @@ def write_project(state: State, path: Path | str) -> Project:
     pairs = complete(state.first or state.pairs)
     picks_path = state.given.picks
     if picks_path is None and pairs:
-        picks_path = path.with_name("picks.csv")
-        if picks_path.exists():
-            message = f"{picks_path} is another session's: choose another folder."
-            raise ProjectError(message)
+        picks_path = _free(path, pairs, reference_crs(state.project))
     project = with_given(state, replace(state.given, picks=picks_path))
     project = replace(project, path=path)
     try:
@@ -171,10 +168,9 @@ def write_project(state: State, path: Path | str) -> Project:
     except OSError as error:
         message = f"{path.name} can't be written: {error.strerror or error}."
         raise ProjectError(message) from error
-    if picks_path is not None:
-        crs = reference_crs(project)
-        if not picks_path.exists() or from_picks(read_picks(picks_path, crs=crs)) != pairs:
-            write_picks(picks_path, to_picks(pairs), crs=crs)
+    crs = reference_crs(project)
+    if picks_path is not None and not _holds(picks_path, pairs, crs):
+        write_picks(picks_path, to_picks(pairs), crs=crs)
     return read_project(path)
 
 
@@ -241,6 +237,24 @@ def _toml_lines(tables: Mapping[str, Any]) -> list[str]:
             lines += ["", f"[[{name}]]" if isinstance(value, list) else f"[{name}]"]
             lines += [f"{key} = {_toml(item)}" for key, item in table.items() if item is not None]
     return lines
+
+
+def _free(project: Path, pairs: Pairs, crs: pyproj.CRS | None) -> Path:
+    """Return a picks file beside a project: one that is not there yet, or that says the same."""
+    for name in ("picks.csv", f"{project.stem}-picks.csv"):
+        path = project.with_name(name)
+        if not path.exists() or _holds(path, pairs, crs):
+            return path
+    message = f"{path} is another session's: choose another folder or name."
+    raise ProjectError(message)
+
+
+def _holds(path: Path, pairs: Pairs, crs: pyproj.CRS | None) -> bool:
+    """Whether a file holds exactly these pairs."""
+    try:
+        return from_picks(read_picks(path, crs=crs)) == pairs
+    except PicksError:  # it is not there, or is something else
+        return False
 
 
 def _table(section: Any, folder: Path) -> Table:

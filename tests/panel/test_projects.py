@@ -18,6 +18,7 @@ from trigpoint.project import (
     read_project,
 )
 from trigpoint.starter import PICKS, PROJECT
+from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair
 from trigpoint_panel.projects import (
     checked,
@@ -143,6 +144,7 @@ def test_nothing_of_another_is_overwritten(tmp_path):
         pairs=(Pair("P1", source=(0.0, 1.0, 2.0), target=(3.0, 4.0, 5.0)),),
     )
     (tmp_path / "picks.csv").write_text("mine")
+    (tmp_path / "project-picks.csv").write_text("mine")
     with pytest.raises(ProjectError, match="another session's"):
         write_project(state, tmp_path / "project.toml")
     assert not (tmp_path / "project.toml").exists()
@@ -152,6 +154,23 @@ def test_nothing_of_another_is_overwritten(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ProjectError, match="can't be written"):
         write_project(state, tmp_path / "file" / "project.toml")
+
+
+def test_picks_that_were_imported_from_beside_it_serve_the_project(tmp_path):
+    text = "target_x,target_y,target_z,id,source_x,source_y,source_z\n3,4,5,P1,0.0,1,2.50\n"
+    (tmp_path / "picks.csv").write_text(text)
+    model = Model()
+    model.open_cloud("source", tmp_path / "n.ply")
+    model.open_cloud("target", tmp_path / "l.laz")
+    model.import_picks(tmp_path / "picks.csv")
+    project = write_project(model.state, tmp_path / "project.toml")
+    assert project.reconstructions[0].picks == tmp_path / "picks.csv"
+    assert (tmp_path / "picks.csv").read_text() == text
+
+    model.move("P1", "source", [9, 9, 9])
+    project = write_project(model.state, tmp_path / "other.toml")
+    assert project.reconstructions[0].picks == tmp_path / "other-picks.csv"
+    assert (tmp_path / "picks.csv").read_text() == text
 
 
 def test_a_project_needs_both_clouds(tmp_path):
