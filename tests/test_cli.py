@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -261,3 +262,15 @@ def test_apply_refuses_sigmas_that_there_are_not(run, small, tmp_path, stored, m
     code, _, err = run("apply", tmp_path / stored, small / "nerf.ply", there, "--sigma", *more)
     assert (code, there.exists()) == (2, False)
     assert words in err
+
+
+def test_picks_repeated_give_the_sigma_that_align_uses(run, small, tmp_path):
+    picks = trigpoint.read_picks(small / "picks.csv")
+    noise = np.random.default_rng(1).normal(0, 0.03, picks.target.shape)
+    trigpoint.write_picks(tmp_path / "again.csv", replace(picks, target=picks.target + noise))
+    arguments = ["align", small / "picks.csv", "--repeat", tmp_path / "again.csv"]
+    worth = json.loads(run(*arguments, "--json")[1])["reliability"]
+    (found,) = worth["repeats"]
+    assert (found["frame"], found["places"], worth["noise"]) == ("target", 8, "stated")
+    assert worth["sigma_m"] == pytest.approx(found["sigma"], abs=1e-9)
+    assert "repeated in the target" in run(*arguments)[1]

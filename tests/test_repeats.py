@@ -1,9 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from trigpoint.repeats import picking_sigma
+from trigpoint.alignment import align
+from trigpoint.errors import PicksError
+from trigpoint.picks import picks_from
+from trigpoint.repeats import picking_sigma, repicked
 
 PLACES = np.random.default_rng(0).normal(size=(12, 3)) * 20
 SHIFT = np.array([0.2, 0, 0])
@@ -78,3 +83,52 @@ def test_operators_apart_by_the_same_shift_everywhere_differ_beyond_doubt():
     places = np.random.default_rng(0).uniform(0, 10, (5, 3))
     assert picking_sigma([places, places + 1]).bias_p_value < 1e-12
     assert picking_sigma([np.zeros((5, 3)), np.ones((5, 3))]).bias_p_value < 1e-12
+
+
+def picked(seed, *, source=0.0, target=0.05, ids="abcdefghijkl"):
+    rng = np.random.default_rng(seed)
+    rows = ["abcdefghijkl".index(name) for name in ids]
+    places = PLACES[rows]
+    noise = rng.normal(0, 1, (2, *places.shape))
+    return picks_from(list(ids), places + source * noise[0], 3 * places + target * noise[1])
+
+
+def test_picking_again_gives_picks_their_sigmas_frame_by_frame():
+    first, others = picked(1), [picked(2, ids="lkjihgfedcba"), picked(3, ids="bcdf")]
+    fed, found = repicked(first, others)
+    assert set(found) == {"target"}  # in the source nothing was picked again
+    assert_allclose(fed.sigma_target, found["target"].sigma)
+    assert_allclose(found["target"].sigma, 0.05, rtol=0.3)
+    assert found["target"].picks["times"].tolist() == [2, 3, 3, 3, 2, 3, 2, 2, 2, 2, 2, 2]
+    assert np.isnan(fed.sigma_source).all()
+    assert_allclose(fed.target, first.target)
+
+
+def test_the_sigma_found_feeds_the_similarity():
+    first, second = picked(1, source=0.01), picked(2, source=0.01)
+    fed, found = repicked(first, [second])
+    worth = align(fed).reliability
+    expected = np.hypot(found["target"].sigma, worth.similarity.scale * found["source"].sigma)
+    assert worth.noise == "stated"
+    assert_allclose(worth.sigma_m, expected)
+
+
+def test_a_sigma_stated_for_a_frame_that_was_not_picked_again_is_kept():
+    first = replace(picked(1), sigma_source=np.full(12, 0.01), sigma_target=np.full(12, 9.0))
+    fed, _ = repicked(first, [picked(2)])
+    assert (fed.sigma_source == 0.01).all()
+    assert (fed.sigma_target < 0.1).all()
+
+
+def test_operators_who_disagree_give_a_caution():
+    other = picked(2)
+    other = replace(other, target=other.target + SHIFT)
+    codes = [caution.code for caution in repicked(picked(1), [other])[0].cautions]
+    assert codes == ["repeats_disagree"]
+
+
+def test_files_that_repeat_nothing_are_refused():
+    with pytest.raises(PicksError, match="nothing was picked again"):
+        repicked(picked(1), [picked(1)])
+    with pytest.raises(PicksError, match="No id"):
+        repicked(picked(1, ids="abc"), [picked(2, ids="def")])

@@ -5,6 +5,7 @@ import json
 import shutil
 import zipfile
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,7 +79,14 @@ def bundle(small_project, tmp_path, tmp_path_factory):
         text = path.read_text("utf-8").replace(
             'title = "<script>"', f"title = \"<script>\"\nlimitations = '{LIMITATIONS}'"
         )
+        text = text.replace(
+            'picks = "picks.csv"', 'picks = "picks.csv"\npicks_repeated = ["again.csv"]'
+        )
         path.write_text(text, "utf-8")
+        picks = trigpoint.read_picks(path.with_name("picks.csv"))
+        noise = np.random.default_rng(5).normal(0, 0.02, picks.target.shape)
+        again = replace(picks, target=picks.target + noise)
+        trigpoint.write_picks(path.with_name("again.csv"), again)
         audit = trigpoint.audit(path)
         results = audit.results()
         folder = bundle_folder(audit.project)

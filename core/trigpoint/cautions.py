@@ -28,6 +28,7 @@ Code = Literal[
     "weak_geometry",
     "blunder_suspected",
     "sigmas_doubtful",  # stated with some picks only, or the residuals contradict them
+    "repeats_disagree",  # those who picked the same places differ by more than chance
     "source_noise_dominates",  # picking in the source frame dominates the error
     "threshold_below_voxel",
     "zone_empty",

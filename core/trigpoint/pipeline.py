@@ -15,10 +15,11 @@ from trigpoint.crs import describe_crs, parse_crs
 from trigpoint.files import describe
 from trigpoint.flawless import flawless
 from trigpoint.intervals import estimate
-from trigpoint.picks import read_picks
+from trigpoint.picks import Picks, read_picks
 from trigpoint.preparation import Reference, Thinned, prepare, thin
 from trigpoint.project import AlignmentSettings, Project, ReconstructionInput, read_project
 from trigpoint.record import Audit, Judged
+from trigpoint.repeats import Frame, Repeats, repicked
 from trigpoint.surface import Surface
 from trigpoint.trial import Trial, judge
 
@@ -80,9 +81,14 @@ def _judge(
     settings, within = project.comparison, project.comparison.within_m
     info = describe(given.path)
     alignment = None
+    repeats: dict[Frame, Repeats] = {}
     if given.picks is not None:
         say(f"{given.name}: fitting one similarity to its picks")
-        alignment = _align(given.picks, project.alignment, reference)
+        picks = read_picks(given.picks, crs=reference.cloud.crs)
+        again = [read_picks(path, crs=reference.cloud.crs) for path in given.picks_repeated]
+        if again:
+            picks, repeats = repicked(picks, again)
+        alignment = _align(picks, project.alignment, reference)
     worth = None if alignment is None else alignment.reliability
 
     say(f"{given.name}: reading")
@@ -90,7 +96,7 @@ def _judge(
     thinned = thin(given.path, reference, similarity=similarity)
     say(f"{given.name}: measuring accuracy and completeness")
     delivered = measure(thinned, reference, within=within)
-    judged = Judged(given, info, alignment, thinned, delivered)
+    judged = Judged(given, info, alignment, thinned, delivered, repeats)
     if settings.intervals:
         say(f"{given.name}: working out intervals")
         perfect = None
@@ -107,9 +113,9 @@ def _judge(
     return judged
 
 
-def _align(picks: Path, settings: AlignmentSettings, reference: Reference) -> Alignment:
+def _align(picks: Picks, settings: AlignmentSettings, reference: Reference) -> Alignment:
     return align(
-        read_picks(picks, crs=reference.cloud.crs),
+        picks,
         method=settings.method,
         threshold=settings.threshold_m,
         trials=settings.trials,

@@ -56,6 +56,7 @@ class ReconstructionInput:
     path: Path
     kind: str = "neural"
     picks: Path | None = None
+    picks_repeated: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,6 +305,11 @@ def _value(value: Any, kind: str, where: tuple[str, str], folder: Path) -> Any:
         return _bounded(_expect(value, int, label, "a whole number"), where, label)
     if kind.startswith("float"):
         return _bounded(_number(value, label), where, label)
+    if kind == "tuple[Path, ...]":
+        texts = _expect(value, list, label, "a list of paths in quotes")
+        return tuple(
+            _inside(_expect(each, str, label, "paths in quotes"), folder, label) for each in texts
+        )
     if kind == "tuple[Place, ...]":
         if not isinstance(value, list) or not value:
             _fail(label, value, "a list of places")
@@ -438,6 +444,10 @@ def _check_whole(project: Project) -> None:
     if project.about.status == "issued" and project.about.date is None:
         message = "[project] date is missing; an issued project states its date."
         raise ProjectError(message)
+    for each in project.reconstructions:
+        if each.picks_repeated and not each.picks:
+            message = f"[reconstruction] {each.name} has picks_repeated and no picks: give both."
+            raise ProjectError(message)
     picked = [each.name for each in project.reconstructions if each.picks]
     for check in project.cross_checks:
         if check.of not in picked and (check.of or len(picked) != 1):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from importlib import metadata
 from itertools import combinations
 from pathlib import Path
@@ -29,6 +29,7 @@ from trigpoint.pairing import compare_pair
 from trigpoint.placement import next_picks
 from trigpoint.preparation import Reference, Thinned
 from trigpoint.project import Project, ReconstructionInput, ScaleBar, UpDirection
+from trigpoint.repeats import Frame, Repeats
 from trigpoint.results import (
     alignment_results,
     comparison_results,
@@ -57,6 +58,8 @@ class Judged:
         Of its file.
     alignment : Alignment or None
         None where it came georeferenced.
+    repeats : dict of str to Repeats
+        What repeated picks showed, by frame; empty without.
     thinned : Thinned
         In the reference's frame, on the reference's lattice.
     delivered : Comparison
@@ -78,6 +81,7 @@ class Judged:
     alignment: Alignment | None
     thinned: Thinned
     delivered: Comparison
+    repeats: Mapping[Frame, Repeats] = field(default_factory=dict)
     intervals: Intervals | None = None
     perfect: Flawless | None = None
     trial: Trial | None = None
@@ -146,7 +150,7 @@ def _reconstruction(judged: Judged, audit: Audit, checks: tuple[CrossCheck, ...]
     found: dict[str, Any] = dict.fromkeys(("alignment", "loocv", "checks", "reliability"))
     if judged.alignment is not None:
         accuracy = audit.project.reference.accuracy_m
-        found = alignment_results(judged.alignment, accuracy=accuracy)
+        found = alignment_results(judged.alignment, accuracy=accuracy, repeats=judged.repeats)
         del found["warnings"]
         found["reliability"] |= {
             "zones": _zone_sigmas(judged, audit.reference),
@@ -272,6 +276,8 @@ def _inputs(audit: Audit) -> Iterator[dict[str, Any]]:
         yield _input(folder, own.name, own.kind, own.path, judged.info)
         if own.picks is not None:
             yield _input(folder, own.name, "picks", own.picks)
+        for path in own.picks_repeated:
+            yield _input(folder, own.name, "repicks", path)
 
 
 def _input(

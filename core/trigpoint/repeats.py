@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from trigpoint.cautions import Caution
 from trigpoint.distributions import chi2_isf, f_sf
+from trigpoint.errors import PicksError
+from trigpoint.picks import Picks
 from trigpoint.similarity import Points
+
+BIASED = 0.01  # below this p-value sessions are said to disagree
+Frame = Literal["source", "target"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +127,86 @@ def picking_sigma(sessions: Sequence[Points]) -> Repeats:
         table,
         _bias(offsets[:, times == len(arrays)]),
     )
+
+
+def repicked(picks: Picks, others: Sequence[Picks]) -> tuple[Picks, dict[Frame, Repeats]]:
+    """Give picks the sigmas that picking the same places again shows, frame by frame.
+
+    Places are told by their ids; their coordinates stay those of `picks`. In a frame that was
+    picked again the sigma found replaces what the picks state; a frame whose coordinates are the
+    same in every file was not, and keeps it.
+
+    Parameters
+    ----------
+    picks : Picks
+    others : sequence of Picks
+        Picked by another operator, or once more; each may hold some of the places only.
+
+    Returns
+    -------
+    picks : Picks
+    found : dict of str to Repeats
+        By the frame, "source" or "target".
+
+    Raises
+    ------
+    PicksError
+        If no place was picked twice, or all files hold the same coordinates.
+    """
+    used = np.flatnonzero(picks.roles != "off")
+    rows = [{name: row for row, name in enumerate(each.ids)} for each in others]
+    found: dict[Frame, Repeats] = {}
+    frames: tuple[Frame, Frame] = ("source", "target")
+    for frame in frames:
+        own: Points = getattr(picks, frame)
+        sessions = [own[used]]
+        for each, row_of in zip(others, rows, strict=True):
+            again = np.full((len(used), 3), np.nan)
+            for place, pick in enumerate(used):
+                if picks.ids[pick] in row_of:
+                    again[place] = getattr(each, frame)[row_of[picks.ids[pick]]]
+            sessions.append(again)
+        try:
+            repeats = picking_sigma(sessions)
+        except ValueError as error:
+            message = f"No id of the {len(used)} picks is in the files of repeated picks."
+            raise PicksError(message) from error
+        if repeats.sigma > 0:
+            found[frame] = repeats
+    if not found:
+        message = (
+            f"The {len(others)} files of repeated picks hold the coordinates of the first one: "
+            "nothing was picked again."
+        )
+        raise PicksError(message)
+    doubts = tuple(
+        _disagreement(frame, repeats)
+        for frame, repeats in found.items()
+        if repeats.bias_p_value < BIASED
+    )
+
+    def sigma(frame: Frame, stated: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.full(len(picks), found[frame].sigma) if frame in found else stated
+
+    fed = replace(
+        picks,
+        sigma_source=sigma("source", picks.sigma_source),
+        sigma_target=sigma("target", picks.sigma_target),
+        cautions=(*picks.cautions, *doubts),
+    )
+    return fed, found
+
+
+def _disagreement(frame: Frame, repeats: Repeats) -> Caution:
+    unit = "m" if frame == "target" else "source units"
+    offsets = repeats.sessions[["dx", "dy", "dz"]].to_numpy()
+    farthest = float(np.sqrt(np.nanmax((offsets**2).sum(axis=1))))
+    message = (
+        f"Repeated picks in the {frame} frame disagree systematically (p "
+        f"{repeats.bias_p_value:.2g}): one file lies {farthest:.3g} {unit} off the mean. The sigma "
+        f"of {repeats.sigma:.3g} {unit} holds that as if it were chance."
+    )
+    return Caution("repeats_disagree", message)
 
 
 def _bias(offsets: NDArray[np.float64]) -> float:

@@ -19,6 +19,7 @@ from trigpoint.errors import SimilarityError
 from trigpoint.flawless import Flawless
 from trigpoint.intervals import Intervals
 from trigpoint.propagation import sigma_at
+from trigpoint.repeats import Frame, Repeats
 from trigpoint.similarity import Points, Similarity
 from trigpoint.trial import Trial
 
@@ -34,7 +35,12 @@ UNKNOWN_SHARES = dict.fromkeys(
 UNKNOWN_RMSE = dict.fromkeys(["rmse_low_m", "rmse_high_m"])
 
 
-def alignment_results(alignment: Alignment, *, accuracy: float | None = None) -> dict[str, Any]:
+def alignment_results(
+    alignment: Alignment,
+    *,
+    accuracy: float | None = None,
+    repeats: Mapping[Frame, Repeats] | None = None,
+) -> dict[str, Any]:
     """Return `alignment`, `loocv`, `checks`, `reliability` and `warnings`.
 
     Parameters
@@ -42,6 +48,8 @@ def alignment_results(alignment: Alignment, *, accuracy: float | None = None) ->
     alignment : Alignment
     accuracy : float, optional
         Of the reference, in metres per axis: it is added to the check picks' error in quadrature.
+    repeats : mapping of str to Repeats, optional
+        Where repeated picks gave the sigmas, what they showed, by frame.
     """
     control, inliers = alignment.picks.control, alignment.consensus.inliers
     table = alignment.residuals(control).assign(used=inliers)
@@ -72,7 +80,10 @@ def alignment_results(alignment: Alignment, *, accuracy: float | None = None) ->
         },
         "loocv": _loocv(alignment),
         "checks": _checks(alignment, accuracy),
-        "reliability": _reliability(alignment),
+        "reliability": {
+            **_reliability(alignment),
+            "repeats": [_repeats(*item) for item in (repeats or {}).items()],
+        },
         "warnings": warning_results(alignment.cautions),
     }
 
@@ -275,6 +286,9 @@ def _reliability(alignment: Alignment) -> dict[str, Any]:
     picks = worth.picks.copy()
     picks.insert(0, "id", [ids[position] for position in picks.pop("position")])
     return {
+        "noise": worth.noise,
+        "sigma_m": worth.sigma_m,
+        "global_p_value": worth.global_p_value,
         "sigma0_m": worth.sigma0_m,
         "sigma0_low_m": worth.sigma0_low_m,
         "sigma0_high_m": worth.sigma0_high_m,
@@ -290,4 +304,18 @@ def _reliability(alignment: Alignment) -> dict[str, Any]:
         "zones": {},
         "next_picks": [],
         "cross_checks": [],
+    }
+
+
+def _repeats(frame: Frame, found: Repeats) -> dict[str, Any]:
+    """Return what repeated picking showed, in the units of its frame."""
+    return {
+        "frame": frame,
+        "sessions": len(found.sessions),
+        "places": int((found.picks["times"] > 1).sum()),
+        "sigma": found.sigma,
+        "sigma_low": found.sigma_low,
+        "sigma_high": found.sigma_high,
+        "dof": found.dof,
+        "bias_p_value": found.bias_p_value,
     }

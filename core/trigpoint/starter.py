@@ -40,6 +40,7 @@ name = "nerf"
 kind = "neural"               # neural or photogrammetry
 path = "nerf.ply"
 picks = "picks.csv"
+picks_repeated = []           # more files with the same ids, picked again: they give the sigmas
 
 # [[reconstruction]]          # a cloud that is already in the reference's CRS has none
 # name = "sfm"

@@ -26,6 +26,7 @@ from trigpoint.files import carry
 from trigpoint.inspection import inspect
 from trigpoint.pipeline import try_icp
 from trigpoint.preparation import prepare, thin
+from trigpoint.repeats import repicked
 from trigpoint.results import (
     alignment_results,
     comparison_results,
@@ -127,6 +128,10 @@ def info(file: Annotated[Path, Existing], crs: Crs = "", as_json: AsJson = False
 @app.command()
 def align(
     picks: Annotated[Path, Existing],
+    repeat: Annotated[
+        list[Path] | None,
+        typer.Option(help="The same places picked again, which gives the sigmas; may be repeated."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the similarity here.")] = None,
     method: Annotated[
         Method, typer.Option(help="How picks that agree are found; all: no consensus.")
@@ -143,15 +148,19 @@ def align(
     as_json: AsJson = False,
 ) -> None:
     """Fit one similarity to picks alone: residuals, leave-one-out, reliability."""
+    used, repeats = trigpoint.read_picks(picks, crs=parse_crs(crs)), None
+    if repeat:
+        again = [trigpoint.read_picks(path, crs=parse_crs(crs)) for path in repeat]
+        used, repeats = repicked(used, again)
     alignment = fit_picks(
-        trigpoint.read_picks(picks, crs=parse_crs(crs)),
+        used,
         method=method,
         threshold=threshold,
         trials=trials,
         seed=seed,
         weighted=weighted,
     )
-    results = plain(alignment_results(alignment))
+    results = plain(alignment_results(alignment, repeats=repeats))
     if out is not None:
         write_text(out, to_json({**results["alignment"], "crs": crs or None}))
     if as_json:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -56,9 +56,10 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
         None: "",
     }[alignment["exhaustive_agrees"]]
     reliability = results["reliability"]
-    interval = ""
-    if reliability["scale_low"] is not None:
-        interval = f"{reliability['scale_low']:.6f} to {reliability['scale_high']:.6f}"
+    low, high, interval = reliability["scale_low"], reliability["scale_high"], ""
+    if low is not None:
+        half = 1e6 * (high - low) / 2 / alignment["scale"]
+        interval = f"{low:.6f} to {high:.6f}, ±{half:,.0f} ppm"
     rows = [
         ("scale", f"{alignment['scale']:.6f}", f"95 %: {interval}" if interval else ""),
         (
@@ -83,6 +84,7 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
             f"95 %: {number(reliability['sigma0_low_m'])} to "
             f"{number(reliability['sigma0_high_m'])} m",
         ),
+        *_sigmas(reliability),
         ("geometry", reliability["geometry"], ""),
         ("consensus", how, agrees.removeprefix("; ")),
     ]
@@ -145,8 +147,44 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
                 (row["id"], *(number(row[key]) for key in ("dx_m", "dy_m", "dz_m", "d_m")))
                 for row in checks["residuals"]
             ],
-            note=f"RMSE {number(checks['rmse_m'])} m over {checks['n']} check picks.",
+            note=_check_note(checks),
         )
+
+
+def _check_note(checks: Results) -> str:
+    mean = ", ".join(f"{each:+.3f}" for each in checks["mean_m"])
+    total = checks["total_m"]
+    whole = "" if total is None else f"; {total:.3f} m with the reference's own accuracy added"
+    return (
+        f"RMSE {number(checks['rmse_m'])} m over {checks['n']} check picks, mean error {mean} m "
+        f"(E, N, h){whole}."
+    )
+
+
+def _sigmas(reliability: Results) -> Iterator[tuple[str, str, str]]:
+    """Say what the similarity's uncertainty rests on and comes to."""
+    if reliability["noise"] == "stated":
+        p = reliability["global_p_value"]
+        fits = f"as the picks state; chi-square test of the residuals p {p:.3f}"
+        yield "sigma used", f"{number(reliability['sigma_m'])} m", fits
+    else:
+        yield "sigma used", f"{number(reliability['sigma_m'])} m", "from the residuals"
+    for found in reliability["repeats"]:
+        unit = "m" if found["frame"] == "target" else "units"
+        yield (
+            f"repeated in the {found['frame']}",
+            f"{found['sigma']:.4g} {unit}",
+            f"95 %: {found['sigma_low']:.4g} to {found['sigma_high']:.4g} {unit}; "
+            f"{found['places']} places, {found['sessions']} times",
+        )
+    turned = reliability["rotation_sigma_deg"]
+    if None not in turned:
+        degrees = ", ".join(f"{each:.3f}" for each in turned)
+        yield "sigma of rotation", f"{degrees} deg", "about its principal axes, worst first"
+    covariance = reliability["covariance"]
+    if covariance is not None and None not in covariance[4]:
+        metres = ", ".join(f"{covariance[k][k] ** 0.5:.3f}" for k in (4, 5, 6))
+        yield "sigma of position", f"{metres} m", "E, N, h at the picks' centroid"
 
 
 def show_icp(console: Console, icp: Results | None, *, name: str = "") -> None:

@@ -24,6 +24,8 @@ def write_recipe(folder: Path, project: Project) -> None:
     for given in project.reconstructions:
         if given.picks is not None:
             shutil.copyfile(given.picks, folder / picks_name(given.name, given.picks))
+        for number, path in enumerate(given.picks_repeated, start=1):
+            shutil.copyfile(path, folder / f"repicks-{given.name}-{number}{path.suffix.lower()}")
 
 
 def picks_name(name: str, picks: Path) -> str:
@@ -50,11 +52,12 @@ def tables_of(project: Project) -> dict[str, Any]:
 
     def stated(table: Mapping[str, Any]) -> dict[str, Any]:
         # None is what a key that may be left out means; a margin of none has a word of its own.
-        return {
-            key: stated_path(value, folder) if isinstance(value, Path) else value
-            for key, value in table.items()
-            if value is not None
-        }
+        def plain(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return [plain(item) for item in value]
+            return stated_path(value, folder) if isinstance(value, Path) else value
+
+        return {key: plain(value) for key, value in table.items() if value is not None}
 
     comparison = asdict(project.comparison)
     margin = comparison["margin_m"]

@@ -61,7 +61,7 @@ def find_inputs(
         places = [inputs / stated, inputs / Path(stated).name]
         at_hand = [place for place in places if place.exists()]
         if not at_hand:
-            if given["role"] != "picks":  # the bundle has a copy
+            if given["role"] not in ("picks", "repicks"):  # the bundle has copies
                 missing.append(stated)
             continue
         place = at_hand[0]
@@ -108,6 +108,10 @@ def rerun(
         if given.get("picks"):
             copies = sorted((folder / "config").glob(f"picks-{given['name']}.*"))
             given["picks"] = str(copies[0].resolve()) if copies else given["picks"]
+        again = given.get("picks_repeated", [])
+        for k in range(len(again)):
+            copies = sorted((folder / "config").glob(f"repicks-{given['name']}-{k + 1}.*"))
+            again[k] = str(copies[0].resolve()) if copies else again[k]
     with tempfile.TemporaryDirectory(prefix="trigpoint-") as temporary:
         path = Path(temporary) / "project.toml"
         path.write_text(to_toml(tables), encoding="utf-8")

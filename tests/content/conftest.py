@@ -90,6 +90,9 @@ def picked(ids, *, fit=FIT, loocv=LOOCV, checks=()):
             "residuals": rows(checks, errors, role="check"),
         },
         "reliability": {
+            "noise": "residuals",
+            "sigma_m": sigma or 0.0,
+            "global_p_value": None,
             "sigma0_m": sigma,
             "sigma0_low_m": 0.7 * sigma,
             "sigma0_high_m": 1.7 * sigma,
@@ -113,6 +116,7 @@ def picked(ids, *, fit=FIT, loocv=LOOCV, checks=()):
             "geometry": "sound" if known else "weak",
             "statement": "Sound: as it is." if known else "Weak: too few.",
             "next_picks": [{"x": 741000.5, "y": 4279050.5, "z": 160.5, "gain_m": 0.04}],
+            "repeats": [],
             "cross_checks": [],
         },
     }

@@ -40,12 +40,35 @@ def reliability(evidence: Evidence, name: str) -> list[Block]:
             "plain" if worth["geometry"] == "sound" else "warning",
         )
     ]
+    blocks += _repeats(name, worth)
     blocks += _covariance(name, worth)
     blocks.append(_picks(name, found))
     blocks += _zones(name, worth)
     blocks += _next(name, worth)
     blocks += _cross_checks(name, worth)
     return blocks
+
+
+def _repeats(name: str, worth: Numbers) -> Iterator[Table]:
+    rows = worth.rows("repeats")
+    if rows:
+        yield Table(
+            f"{name}: the picking sigma, from the same places picked again",
+            ("Frame", "Times", "Places", "σ of one pick, per axis", "95 % from", "to", "p"),
+            [
+                (
+                    {"source": "source (units)", "target": "target (m)"}[row["frame"]],
+                    *(row.value(key) for key in ("sessions", "places")),
+                    *(row.value(key) for key in ("sigma", "sigma_low", "sigma_high")),
+                    row.value("bias_p_value"),
+                )
+                for row in rows
+            ],
+            (
+                "These sigmas take the place of stated ones. p: how often those who picked would "
+                "differ as much, were there chance alone.",
+            ),
+        )
 
 
 def _covariance(name: str, worth: Numbers) -> Iterator[Block]:

@@ -679,6 +679,12 @@ def check_reliability(
     report.close(f"{at}.sigma0_low_m", worth["sigma0_low_m"], sigma0 * low, 2 * step * low)
     report.close(f"{at}.sigma0_high_m", worth["sigma0_high_m"], sigma0 * high, 2 * step * high)
 
+    report.equal(f"{at}.noise", worth["noise"], "stated" if known else "residuals")
+    report.close(f"{at}.sigma_m", worth["sigma_m"], math.sqrt(unit) if known else sigma0, 2 * step)
+    fits = chi2_sf(left / unit, dof) if known else math.nan
+    blunt = 1e-9 + 4 * dof * step / math.sqrt(unit) if known else 0.0
+    report.close(f"{at}.global_p_value", worth["global_p_value"], fits, blunt)
+
     # Everything below is a shape, which the picks' places fix, times sigma, which rounding in the
     # residuals may move.
     sigma, blur = (math.sqrt(unit), 0.0) if known else (sigma0, 2 * step)
@@ -1114,11 +1120,17 @@ def _text(value: Any) -> Any:
 
 def check_pick_copies(report: Report, folder: Path, results: Json) -> None:
     """Compare the copies of the pick files with the hashes of what was read."""
+    again: dict[str, int] = {}
     for given in results["inputs"]:
-        if given["role"] == "picks":
-            copies = sorted((folder / "config").glob(f"picks-{given['name']}.*"))
+        name = given["name"]
+        if given["role"] == "repicks":
+            again[name] = again.get(name, 0) + 1
+        if given["role"] in ("picks", "repicks"):
+            number = "" if given["role"] == "picks" else f"-{again[name]}"
+            copies = sorted((folder / "config").glob(f"{given['role']}-{name}{number}.*"))
             found = sha256(copies[0]) if len(copies) == 1 else "missing"
-            report.equal(f"inputs: SHA-256 of the picks of {given['name']}", given["sha256"], found)
+            which = f"the {given['role']} of {name}{number}"
+            report.equal(f"inputs: SHA-256 of {which}", given["sha256"], found)
 
 
 def check_tables(report: Report, folder: Path, name: str, found: Json) -> None:
