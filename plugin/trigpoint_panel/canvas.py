@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -117,6 +118,8 @@ class ImageCanvas(Canvas):
         self._stale = True
         self.setMouseTracking(True)
         self.setMinimumSize(80, 60)
+        # A window may be deleted by Qt, with no one to ask for an orderly end.
+        self.destroyed.connect(partial(_close, self.plotter))
 
     def refresh(self) -> None:
         """Ask for a new picture; it is drawn once, when Qt next paints."""
@@ -137,7 +140,7 @@ class ImageCanvas(Canvas):
     def release(self) -> None:
         """Free what VTK holds; the canvas can't be used after."""
         self._stale = False
-        self.plotter.close()
+        _close(self.plotter)
 
     def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
         """Draw anew in the new size."""
@@ -180,6 +183,11 @@ class ImageCanvas(Canvas):
             self._pixels.data, width, height, 3 * width, QtGui.QImage.Format.Format_RGB888
         )
         self._image.setDevicePixelRatio(ratio)
+
+
+def _close(plotter: Any, *_: object) -> None:
+    if plotter.render_window is not None:
+        plotter.close()
 
 
 def make_canvas(parent: QtWidgets.QWidget | None = None, kind: CanvasKind = "auto") -> Canvas:

@@ -15,10 +15,10 @@ from trigpoint.files import CloudInfo
 @pytest.hookimpl(trylast=True)
 def pytest_configure():
     """Take the offscreen platform, unless a display is there or pytest-xvfb has made one."""
-    if sys.platform.startswith("linux"):
-        if not os.environ.get("DISPLAY"):
-            os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-        # Of its own, VTK connects to the display; where that ends first, so does the process.
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+        # VTK would look for a display first, and write that there is none. Not beside one: where
+        # VTK has used EGL, Qt's GLX contexts can't be made current.
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
