@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 from trigpoint.picks import FEWEST
 from trigpoint_panel.model import Model
-from trigpoint_panel.pairs import complete, opposite, with_role
+from trigpoint_panel.pairs import complete, with_role
 
 Level = Literal["info", "good", "amber", "red"]
 Action = Literal[
@@ -81,8 +82,8 @@ def _standing(model: Model) -> StateLine:
         can = can - {"errors", "report"}
     half = model.half_open
     if half is not None and half.open_side is not None:
-        other = "target" if opposite(half.open_side) == "source" else "source"
-        text = f"{half.id}: now click the same corner in the {other} view. (Esc drops it)"
+        view = half.open_side
+        text = f"{half.id}: now click the same corner in the {view} view. (Esc drops it)"
         return StateLine(text, "info", can | {"drop"})
     if state.is_second_operator:
         done = len(complete(state.pairs))
@@ -105,7 +106,7 @@ def _standing(model: Model) -> StateLine:
 def _fitted(model: Model, can: frozenset[Action]) -> StateLine:
     fit = model.fit
     assert fit.similarity is not None
-    held_out = "n/a" if fit.loocv_rmse_m != fit.loocv_rmse_m else f"{fit.loocv_rmse_m:.3f} m"
+    held_out = "n/a" if math.isnan(fit.loocv_rmse_m) else f"{fit.loocv_rmse_m:.3f} m"
     text = (
         f"scale {fit.similarity.scale:.3f} · RMSE {fit.rmse_m:.3f} m · LOOCV {held_out} · "
         f"{fit.controls} control, {len(with_role(model.pairs, 'check'))} check"
