@@ -164,7 +164,7 @@ class AlignTab(Tab):
         if before is None or after is None:
             word = "Not judged"
         so = "adopted" if adopted else "not adopted"
-        change = "" if before is None or after is None else f": {before:.3f} m → {after:.3f} m"
+        change = "" if before is None or after is None else f": {_change(before, after)}"
         say(
             self.verdict,
             f"{word}, {so}. {by}{change}.",
@@ -173,13 +173,16 @@ class AlignTab(Tab):
         lines = [
             f"Moves the reference's centre by {trial.refinement.shift_m:.3f} m, turns by "
             f"{trial.refinement.rotation_deg:.3f}°.",
-            f"Surfaces: {trial.refinement.surface_rmse_before_m:.3f} m → "
-            f"{trial.refinement.surface_rmse_after_m:.3f} m RMSE.",
+            "Surfaces, RMSE: "
+            + _change(
+                trial.refinement.surface_rmse_before_m, trial.refinement.surface_rmse_after_m
+            ),
         ]
         if trial.control_rmse_before_m is not None and trial.control_rmse_after_m is not None:
             lines.append(
-                f"Control pairs: {trial.control_rmse_before_m:.3f} m → "
-                f"{trial.control_rmse_after_m:.3f} m; decides nothing."
+                "Control pairs: "
+                + _change(trial.control_rmse_before_m, trial.control_rmse_after_m)
+                + "; decides nothing."
             )
         say(self.errors, "\n".join(lines))
 
@@ -223,6 +226,12 @@ def _told(shown: Similarity, model: Model) -> str:
         change = alignment.loocv.max_scale_change_pct
         lines.append(f"scale changes by up to {change:.2f} % when a pair is left out")
     return "\n".join(lines)
+
+
+def _change(before: float, after: float) -> str:
+    """Write two lengths with as many digits as it takes to tell them apart."""
+    digits = next((n for n in (3, 4, 5) if f"{before:.{n}f}" != f"{after:.{n}f}"), 6)
+    return f"{before:.{digits}f} m → {after:.{digits}f} m"
 
 
 def _held_out(trial: Trial) -> tuple[float | None, float | None, str]:

@@ -63,9 +63,7 @@ class Desk(QObject):
 
     def open_cloud(self, side: Side, path: Path) -> Job:
         """Open a cloud on one side, and name it in the session once it is there."""
-        job = self._load(side, path)
-        job.done.connect(lambda _: self._model.open_cloud(side, path))
-        return job
+        return self._load(side, path, named=True)
 
     def open_dropped(self, path: Path, side: Side | None = None) -> None:
         """Open whatever was dropped: a session, a project, picks, or a cloud."""
@@ -239,7 +237,7 @@ class Desk(QObject):
 
     # How it is done ----------------------------------------------------------------------------
 
-    def _load(self, side: Side, path: Path) -> Job:
+    def _load(self, side: Side, path: Path, *, named: bool = False) -> Job:
         crs = self._model.state.crs or None
         most = int(self._host.setting("view/most", MOST))
 
@@ -253,6 +251,8 @@ class Desk(QObject):
             )
 
         job = self._begin(f"Opening {path.name}", work, self._help_with_crs)
+        if named:  # first: another file's survey would go with it
+            job.done.connect(lambda _: self._model.open_cloud(side, path))
         job.done.connect(lambda opened: self._show(side, opened))
         return job
 

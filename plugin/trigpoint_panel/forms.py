@@ -71,6 +71,7 @@ class Tab(QScrollArea):
         if faint:
             label.setProperty("role", "faint")
         self.column.addWidget(label)
+        label.setVisible(bool(text))
         return label
 
     def form(self) -> QFormLayout:

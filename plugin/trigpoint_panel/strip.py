@@ -51,7 +51,7 @@ class Message(QFrame):
         column.addLayout(row)
         self.word = QLabel(f"{SIGNS[level]}  {WORDS[level]}", self)
         self.word.setObjectName("word")
-        row.addWidget(self.word, 0, Qt.AlignmentFlag.AlignTop)
+        row.addWidget(self.word, 0, Qt.AlignmentFlag.AlignVCenter)
         self.label = QLabel(text, self)
         self.label.setTextFormat(Qt.TextFormat.PlainText)
         self.label.setWordWrap(True)
@@ -64,7 +64,7 @@ class Message(QFrame):
         if details:
             self._details = QPlainTextEdit(details, self)
             self._details.setReadOnly(True)
-            self._details.setMaximumHeight(160)
+            self._details.setFixedHeight(96)
             self._details.hide()
             column.addWidget(self._details)
             self._button(row, "Details", self._toggle_details)
@@ -97,7 +97,7 @@ class Message(QFrame):
         button.setText(text)
         button.setAutoRaise(True)
         button.clicked.connect(lambda *_: act())
-        row.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
+        row.addWidget(button, 0, Qt.AlignmentFlag.AlignVCenter)
         self.buttons.append(button)
         return button
 

@@ -307,7 +307,7 @@ class PairTable(QTableView):
         self.setTabKeyNavigation(False)  # Tab leaves the table; arrows walk in it
         self.sortByColumn(-1, Qt.SortOrder.AscendingOrder)
         self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 8)
+        self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
         head = self.horizontalHeader()
         head.setHighlightSections(False)
         head.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
@@ -412,6 +412,9 @@ class _Cells(QStyledItemDelegate):
             colour.setAlpha(90 if level else 255)
             painter.fillRect(inner, QBrush(colour))
         super().paint(painter, option, index)
+        if level:  # at the edge, where a selected row does not hide it
+            edge = QRectF(rectangle.left(), rectangle.top(), 4, rectangle.height())
+            painter.fillRect(edge, QColor(look.error if level == "red" else look.warning))
 
 
 def _alignment(column: Column) -> Qt.AlignmentFlag:
