@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -274,3 +275,9 @@ def test_picks_repeated_give_the_sigma_that_align_uses(run, small, tmp_path):
     assert (found["frame"], found["places"], worth["noise"]) == ("target", 8, "stated")
     assert worth["sigma_m"] == pytest.approx(found["sigma"], abs=1e-9)
     assert "repeated in the target" in run(*arguments)[1]
+
+
+def test_align_takes_less_than_a_second_once_it_is_loaded(run, small):
+    start = time.process_time()
+    assert run("align", small / "picks.csv")[0] == 0
+    assert time.process_time() - start < 1

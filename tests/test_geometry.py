@@ -20,7 +20,7 @@ TWICE = TOWER[[0, 1, 2, 3, 4, 5, 2]]
 # picks, how they come out, and the words that say why
 SETS = {
     "tower": (TOWER, "sound", "pin the similarity down"),
-    "facade": (FACADE, "sound", "pin the similarity down"),
+    "coplanar": (FACADE, "sound", "pin the similarity down"),
     "near-collinear": (EDGE, "refused", "does not show it"),
     "clustered": (CLUSTER, "refused", "is known to"),
     "one far": (ONE_FAR, "weak", "pick 5 decides alone"),

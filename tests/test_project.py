@@ -116,6 +116,16 @@ REFUSED = {
     "an unknown cross check": ('"scale_bar"', '"yardstick"', "one of scale_bar, up_direction"),
     "a scale bar of two numbers": ("to = [1, 0, 0]", "to = [1, 0]", "three numbers"),
     "a scale bar of no length": ("to = [1, 0, 0]", "to = [0, 0, 0]", "another point"),
+    "picks repeated without picks": (
+        'picks = "picks.csv"',
+        'picks_repeated = ["again.csv"]',
+        "has picks_repeated and no picks",
+    ),
+    "picks repeated that are no list": (
+        'picks = "picks.csv"',
+        'picks = "picks.csv"\npicks_repeated = "again.csv"',
+        "a list of paths",
+    ),
     "a vertical of no length": (
         BAR,
         'kind = "up_direction"\nup = [0, 0, 0]\nsigma_deg = 1',

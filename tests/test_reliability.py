@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.spatial.transform import Rotation
-from towers import TOWER
+from towers import DEMO, TOWER
 
 from trigpoint.cautions import CODES
 from trigpoint.reliability import assess
@@ -16,6 +16,7 @@ from trigpoint.similarity import Similarity, umeyama
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
 TRUTH = Similarity(3.26, Rotation.from_rotvec([0.3, -1.1, 2.0]).as_matrix(), np.zeros(3))
 DRAWS = 20_000
+PLACES = pytest.mark.parametrize("source", [TOWER, DEMO / TRUTH.scale], ids=["tower", "demo"])
 
 
 def umeyamas(source, targets):
@@ -46,10 +47,11 @@ def codes(worth):
     return [caution.code for caution in worth.cautions]
 
 
-def test_predicted_covariance_is_that_of_twenty_thousand_draws():
+@PLACES
+def test_predicted_covariance_is_that_of_twenty_thousand_draws(source):
     sigma = 0.1
-    target, _, scales, rotations, centroids = draws(TOWER, sigma)
-    worth = assess(TOWER, target, TRUTH, sigma_target=np.full(6, sigma))
+    target, _, scales, rotations, centroids = draws(source, sigma)
+    worth = assess(source, target, TRUTH, sigma_target=np.full(6, sigma))
     assert_allclose(np.var(np.log(scales)), worth.covariance[0, 0], rtol=0.03)
 
     turns = Rotation.from_matrix(rotations @ TRUTH.rotation.T).as_rotvec()
@@ -58,8 +60,9 @@ def test_predicted_covariance_is_that_of_twenty_thousand_draws():
     assert_allclose(np.cov(turns.T) / unit, worth.covariance[1:4, 1:4] / unit, atol=0.03)
 
     # Ten points in and around the tower: each 3x3 covariance, relative to its own size.
-    points = np.random.default_rng(3).uniform([-3, -3, -3], [8, 8, 20], (10, 3))
-    a = points - TOWER.mean(axis=0)
+    low, high = source.min(axis=0) - 3, source.max(axis=0) + 4
+    points = np.random.default_rng(3).uniform(low, high, (10, 3))
+    a = points - source.mean(axis=0)
     carried = scales[:, None, None] * (a @ rotations.transpose(0, 2, 1)) + centroids[:, None, :]
     for i, expected in enumerate(worth.covariance_at(TRUTH(points))):
         found = np.cov(carried[:, i].T)
@@ -91,25 +94,26 @@ def test_sources_picked_with_noise_widen_the_covariance_by_the_scale():
     assert np.abs(np.cov(np.array(fits).T) - expected).max() < 0.08 * np.abs(expected).max()
 
 
+@PLACES
 @pytest.mark.parametrize("known", [True, False])
-def test_intervals_of_scale_and_position_cover_the_truth_95_times_in_100(known):
+def test_intervals_of_scale_and_position_cover_the_truth_95_times_in_100(known, source):
     sigma = 0.1
-    target, targets, scales, rotations, centroids = draws(TOWER, sigma)
-    point = np.array([2.0, 2, 20])
+    target, targets, scales, rotations, centroids = draws(source, sigma)
+    point = source.mean(axis=0) + np.array([0, 0, 12])
     carried = (
-        scales[:, None] * ((point - TOWER.mean(axis=0)) @ rotations.transpose(0, 2, 1)) + centroids
+        scales[:, None] * ((point - source.mean(axis=0)) @ rotations.transpose(0, 2, 1)) + centroids
     )
-    a = TOWER - TOWER.mean(axis=0)
+    a = source - source.mean(axis=0)
     residuals = (
         targets - scales[:, None, None] * (a @ rotations.transpose(0, 2, 1)) - centroids[:, None, :]
     )
     sigmas = np.sqrt((residuals**2).sum(axis=(1, 2)) / 11)
-    worth = assess(TOWER, target, TRUTH, sigma_target=np.full(6, sigma))
+    worth = assess(source, target, TRUTH, sigma_target=np.full(6, sigma))
     if known:
         quantile, sigmas = worth.quantile, np.full(DRAWS, sigma)
         assert_allclose(quantile, stats.norm.isf(0.025))
     else:
-        quantile = assess(TOWER, targets[0], umeyama(TOWER, targets[0])).quantile
+        quantile = assess(source, targets[0], umeyama(source, targets[0])).quantile
         assert_allclose(quantile, stats.t.isf(0.025, 11))
     # The covariance is quadratic in sigma, and hardly depends on where the fit came to lie.
     half = quantile * np.sqrt(worth.covariance[0, 0]) * sigmas / sigma
