@@ -16,7 +16,7 @@ from trigpoint_panel.marks import Marker
 from trigpoint_panel.measuring import Findings
 from trigpoint_panel.model import Model
 from trigpoint_panel.opening import Opened
-from trigpoint_panel.pairs import SIDES, Pair, Place, Side, opposite
+from trigpoint_panel.pairs import SIDES, Pair, Place, Side
 from trigpoint_panel.snapping import Mode
 from trigpoint_panel.view import CloudView, Link
 
@@ -180,8 +180,9 @@ class TwoViews(QSplitter):
             if not on:
                 self.view(side).magnify(False)
                 continue
-            own, there = self._under[side], self._under[opposite(side)]
-            across = None if there is None else self._across(opposite(side), there)
+            other: Side = "target" if side == "source" else "source"
+            own, there = self._under[side], self._under[other]
+            across = None if there is None else self._across(other, there)
             if own is not None or there is None:
                 self.view(side).magnify(True)
             elif across is not None:
