@@ -29,8 +29,9 @@ help:
 demo: $(VENV)/.installed
 	$(BIN)/trigpoint demo --out $(DEMO)
 
+# A file's tests stay together: they share what they build.
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
