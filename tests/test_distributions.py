@@ -35,7 +35,7 @@ def test_tails_are_those_of_scipy_stats(dof):
 
 
 @pytest.mark.parametrize("dof", [1, 3])
-@pytest.mark.parametrize("size", [0.0, 0.5, 21.55, 300.0, 20_000.0])
+@pytest.mark.parametrize("size", [0.0, 0.5, 21.55, 300.0, 1_000.0])
 def test_noncentral_tails_are_those_of_scipy_stats(dof, size):
     for x in (0.5, 16.3, 400.0):
         expected = stats.ncx2.sf(x, dof, size) if size else stats.chi2.sf(x, dof)
