@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from trigpoint.delivery import sha256, whole_folder, write_csv
+from trigpoint.delivery import archive_of, sha256, whole_folder, write_csv
 from trigpoint.errors import ProjectError
 
 
@@ -62,6 +62,35 @@ def test_a_kill_between_the_two_renames_is_undone(tmp_path):
     with pytest.raises(ValueError, match="no"), whole_folder(tmp_path / "r1"):
         raise ValueError("no")
     assert contents(tmp_path) == {"r1/a.txt": "first"}
+
+
+@pytest.mark.parametrize("moment", ["rename", "rmtree"])
+def test_a_kill_never_leaves_the_zip_of_another_run_beside_a_folder(tmp_path, monkeypatch, moment):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+    archive_of(tmp_path / "r1").write_text("of first")
+    killed = {"rename": "pathlib.Path.rename", "rmtree": "shutil.rmtree"}[moment]
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("second")
+
+        def kill(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(killed, kill)
+    monkeypatch.undo()
+    assert (tmp_path / "r1" / "a.txt").read_text() == {"rename": "first", "rmtree": "second"}[
+        moment
+    ]
+    assert not archive_of(tmp_path / "r1").exists()
+
+
+def test_a_failure_keeps_the_zip_of_the_folder_that_stays(tmp_path):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+    archive_of(tmp_path / "r1").write_text("of first")
+    with pytest.raises(ValueError, match="no"), whole_folder(tmp_path / "r1"):
+        raise ValueError("no")
+    assert contents(tmp_path) == {"r1/a.txt": "first", "r1.zip": "of first"}
 
 
 def test_two_runs_do_not_write_one_folder_at_once(tmp_path):

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+import zipfile
 
 import jsonschema
 import laspy
@@ -138,17 +139,38 @@ def test_the_same_input_gives_the_same_bytes_in_another_folder_with_one_thread(
         assert (folder / path).read_bytes() == (tmp_path / "other" / path).read_bytes(), path
 
 
-def test_what_is_issued_is_never_overwritten(bundle, small_project):
+def test_what_is_issued_is_never_overwritten_and_a_draft_is(bundle, small_project):
     folder, _ = bundle()
     path, _ = small_project()
-    text = path.read_text("utf-8").replace(
-        'title = "<script>"', 'status = "issued"\ndate = 2026-09-21'
-    )
-    path.write_text(text, "utf-8")
-    with pytest.raises(ProjectError, match="never overwritten"):
-        bundle_folder(read_project(path))
-    path.write_text(text.replace('status = "issued"', 'status = "issued"\nrevision = 2'), "utf-8")
+    project = read_project(path)
+    assert bundle_folder(project) == folder
+    stored = folder / "data" / "results.json"
+    text = stored.read_text("utf-8")
+    for status, why in (
+        ('"issued"', "is issued"),
+        ("[]", "is no draft"),
+        ('"draft', "is no draft"),
+    ):
+        stored.write_text(text.replace('"status": "draft"', f'"status": {status}'), "utf-8")
+        with pytest.raises(ProjectError, match=f"small-r1 is there already and {why}"):
+            bundle_folder(project)
+    path.write_text(path.read_text("utf-8").replace('title = "<script>"', "revision = 2"), "utf-8")
     assert bundle_folder(read_project(path)) == folder.with_name("small-r2")
+
+
+@pytest.mark.parametrize(("status", "refused"), [("issued", True), ("draft", False)])
+def test_a_zip_alone_counts_as_what_it_holds(small_project, status, refused):
+    path, _ = small_project()
+    archive = path.parent / "audit" / "small-r1.zip"
+    archive.parent.mkdir()
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("small-r1/data/results.json", json.dumps({"project": {"status": status}}))
+    project = read_project(path)
+    if refused:
+        with pytest.raises(ProjectError, match=r"small-r1\.zip is there already and is issued"):
+            bundle_folder(project)
+    else:
+        assert bundle_folder(project) == path.parent / "audit" / "small-r1"
 
 
 def test_a_reconstruction_in_another_crs_is_refused(small_project):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from trigpoint.canonical import to_json, write_text
 from trigpoint.cloud import PointCloud
-from trigpoint.delivery import write_csv
+from trigpoint.delivery import archive_of, write_csv
 from trigpoint.errors import ProjectError
 from trigpoint.files import carry, write
 from trigpoint.pipeline import Say
@@ -29,17 +31,34 @@ def bundle_folder(project: Project, out: str | Path | None = None) -> Path:
     Raises
     ------
     ProjectError
-        If this revision was issued and is there already.
+        If this revision is there already, as a folder or a zip, and is not a draft.
     """
     parent = project.path.parent / "audit" if out is None else Path(out)
     folder = parent / f"{project.about.id}-r{project.about.revision}"
-    if project.about.status == "issued" and folder.exists():
-        message = (
-            f"{folder} is there already and this project is issued: what is issued is never "
-            f"overwritten. Raise [project] revision above {project.about.revision}."
-        )
-        raise ProjectError(message)
+    for found in (folder, archive_of(folder)):
+        status = _stored_status(found, folder.name) if found.exists() else "draft"
+        if status != "draft":
+            why = "is issued" if status == "issued" else "is no draft"
+            message = (
+                f"{found} is there already and {why}: only a draft is ever overwritten. Raise "
+                f"[project] revision above {project.about.revision}, or choose another folder."
+            )
+            raise ProjectError(message)
     return folder
+
+
+def _stored_status(bundle: Path, name: str) -> str | None:
+    """Read what a bundle, folder or zip, says of itself; None where it is no bundle."""
+    results = "data/results.json"
+    try:
+        if bundle.is_dir():
+            text = (bundle / results).read_bytes()
+        else:
+            with zipfile.ZipFile(bundle) as archive:
+                text = archive.read(f"{name}/{results}")
+        return str(json.loads(text)["project"]["status"])
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
 
 
 def fill_bundle(

@@ -25,7 +25,8 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     """Yield an empty folder beside `folder`, and put it in its place if the work succeeds.
 
     A run that is killed leaves the previous folder as it was, and a draft beside it that the next
-    run clears away.
+    run clears away. The zip of the previous folder goes before it: whenever the run is killed, no
+    zip lies beside a folder that it was not made from.
 
     Parameters
     ----------
@@ -53,10 +54,16 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         except BaseException:
             shutil.rmtree(draft, ignore_errors=True)
             raise
+        archive_of(folder).unlink(missing_ok=True)
         if folder.exists():
             folder.rename(previous)
         draft.rename(folder)
         shutil.rmtree(previous, ignore_errors=True)
+
+
+def archive_of(folder: Path) -> Path:
+    """Return where a folder's zip lies: beside it, ``<folder>.zip``."""
+    return folder.with_name(f"{folder.name}.zip")
 
 
 @contextmanager

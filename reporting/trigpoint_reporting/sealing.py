@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.canonical import to_json, write_text
+from trigpoint.delivery import archive_of
 from trigpoint.picktable import format_columns
 from trigpoint.record import Audit, Judged
 from trigpoint_reporting.crate import CRATE, describe_crate
@@ -91,7 +92,7 @@ def pack(folder: Path) -> Path:
     BundleError
         If the zip is there already and what it holds was issued.
     """
-    target = folder.with_name(f"{folder.name}.zip")
+    target = archive_of(folder)
     results = json.loads((folder / "data" / "results.json").read_text("utf-8"))
     if target.exists() and results["project"]["status"] == "issued":
         message = f"{target.name} is there already and is issued: it is never overwritten."
