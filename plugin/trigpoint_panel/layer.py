@@ -14,7 +14,7 @@ Local = NDArray[np.float32]
 Colours = NDArray[np.uint8]
 
 # A thinned cloud is drawn with points up to this much wider, so that its surfaces stay closed.
-WIDEST = 2.0
+WIDEST = 1.5
 
 
 class Layer:

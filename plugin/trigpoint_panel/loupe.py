@@ -9,7 +9,7 @@ from qtpy import QtCore, QtGui, QtWidgets
 
 from trigpoint_panel.camera import Camera
 from trigpoint_panel.canvas import ImageCanvas
-from trigpoint_panel.scene import Scene, aim
+from trigpoint_panel.scene import Scene, aim, eye_dome
 
 ZOOM = 4
 SIDE = 200
@@ -28,7 +28,8 @@ class Loupe(ImageCanvas):
         self.setFixedSize(SIDE, SIDE)
         self.setAttribute(QtCore.Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.plotter.suppress_rendering = True
-        self.plotter.renderer.enable_eye_dome_lighting()
+        self._lighting = eye_dome()
+        self.plotter.renderer.SetPass(self._lighting)
         scene.add_renderer(self.plotter.renderer, wider=WIDER)
 
     def look(self, at: QtCore.QPointF) -> None:
@@ -66,6 +67,8 @@ class Loupe(ImageCanvas):
     def release(self) -> None:
         """Free what VTK holds."""
         self._scene.remove_renderer(self.plotter.renderer)
+        self.plotter.renderer.SetPass(None)
+        self._lighting.ReleaseGraphicsResources(self.plotter.render_window)
         super().release()
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.vtkRenderingOpenGL2 import vtkEDLShading, vtkRenderStepsPass
 
 from trigpoint.cloud import PointCloud
 from trigpoint.similarity import Points, Similarity
@@ -17,7 +18,9 @@ from trigpoint_panel.layer import Layer
 from trigpoint_panel.marks import Marker, Marks
 
 # Points drawn while the view moves: ten frames a second without a graphics card.
-COARSE = 100_000
+COARSE = 80_000
+# Seconds: where a picture takes longer, eye-dome lighting waits until the view rests.
+SLOW = 0.05
 # Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
 STRAY = 0.5
 # Points that stand for all of them where a view is fitted.
@@ -66,9 +69,10 @@ class Scene:
         self._opacity, self._shows_cloud, self._shows_overlay = 1.0, True, True
         self._markers: tuple[Marker, ...] = ()
         self._marks: Marks | None = None
+        self._lighting: Any = None
         self._plotter: Any = None
         self._ratio, self._size, self._drawn = 1.0, POINT, POINT
-        self._eye_dome, self._dark, self._moving = True, False, False
+        self._eye_dome, self._unlit, self._dark, self._moving = True, False, False, False
         self._up: Position = (0.0, 0.0, 1.0)
         self._camera = camera_from(CORNER, self._up, np.zeros(3), 1.0)
 
@@ -80,6 +84,7 @@ class Scene:
         self._plotter, self._ratio = plotter, ratio
         plotter.suppress_rendering = True
         self._marks = Marks(self.renderer, ratio)
+        self._lighting = eye_dome()
         for layer in self._layers():
             layer.show_in(self.renderer)
         self.set_point_size(self._size)
@@ -92,6 +97,8 @@ class Scene:
         """Let go of the plotter; what is shown is remembered."""
         if self._plotter is None:
             return
+        self.renderer.SetPass(None)
+        self._lighting.ReleaseGraphicsResources(self._plotter.render_window)
         if self._marks is not None:
             self._marks.close()
         for layer in self._layers():
@@ -309,10 +316,7 @@ class Scene:
         """Darken the edges in depth, or do not."""
         self._eye_dome = on
         if self._plotter is not None:
-            if on:
-                self.renderer.enable_eye_dome_lighting()
-            else:
-                self.renderer.disable_eye_dome_lighting()
+            self.renderer.SetPass(self._lighting if on else None)
 
     @property
     def eye_dome(self) -> bool:
@@ -332,9 +336,14 @@ class Scene:
 
     def set_moving(self, moving: bool) -> None:
         """Draw fewer points while the view moves, and all of them when it rests."""
-        self._moving = moving
-        for layer in self._layers():
-            layer.set_moving(moving)
+        if moving != self._moving:
+            self._moving = moving
+            for layer in self._layers():
+                layer.set_moving(moving)
+        if self._plotter is not None and self._eye_dome:
+            slow = self.renderer.GetLastRenderTimeInSeconds() > SLOW
+            self._unlit = moving and (self._unlit or slow)
+            self.renderer.SetPass(None if self._unlit else self._lighting)
 
     @property
     def is_thinned(self) -> bool:
@@ -525,6 +534,13 @@ class Scene:
         ends = np.column_stack([local, np.ones(len(local))]) @ self._projection().T
         pixels = ends[:, :2] / ends[:, 3:]
         return np.asarray((pixels + 1) / 2 * self.size, np.float64)
+
+
+def eye_dome() -> Any:
+    """Return a render pass that darkens the edges in depth."""
+    lighting = vtkEDLShading()
+    lighting.SetDelegatePass(vtkRenderStepsPass())
+    return lighting
 
 
 def aim(vtk_camera: Any, camera: Camera, origin: NDArray[np.float64]) -> None:

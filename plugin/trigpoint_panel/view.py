@@ -170,7 +170,8 @@ class CloudView(QtWidgets.QWidget):
             self.scene.show(None)
         self._aimed = False
         self._describe()
-        self.refresh()
+        # A share of the points is there at once; the others follow.
+        self._keep_moving()
 
     def set_prompt(self, text: str) -> None:
         """Say in an empty view what to do, such as "Open a source cloud (Ctrl+O)"."""
