@@ -54,13 +54,14 @@ class DependencyCard(QScrollArea):
         column.setContentsMargins(24, 20, 24, 20)
         column.setSpacing(12)
 
-        title = QLabel(self._tr("Some Python packages are missing"), inside)
+        missing = self._tr("Some Python packages are missing")
+        title = QLabel(missing if lacks else self._tr("The panel can't be shown"), inside)
         font = title.font()
         font.setPointSizeF(font.pointSizeF() * 1.4)
         font.setBold(True)
         title.setFont(font)
         column.addWidget(title)
-        self.text = self._paragraph(self._explained(lacks), column)
+        self.text = self._paragraph(self._explained(lacks) if lacks else "", column)
         self.fault = self._paragraph(fault, column)
         self.fault.setVisible(bool(fault))
 
@@ -79,6 +80,7 @@ class DependencyCard(QScrollArea):
         row.addStretch(1)
         column.addLayout(row)
         self.cancel.hide()
+        self.install.setVisible(bool(lacks))
 
         self.log = QPlainTextEdit(inside)
         self.log.setReadOnly(True)

@@ -202,8 +202,11 @@ def load() -> None:
 def detach() -> None:
     """Forget the plugin's own packages, so that its next version is not mixed with this one."""
     inside = str(VENDOR)
+    own = f"{__name__.partition('.')[0]}."
     for name, module in list(sys.modules.items()):
-        if str(getattr(module, "__file__", None) or "").startswith(inside):
+        # QGIS itself forgets most of the plugin's modules, and leaves some of its packages.
+        place = str(getattr(module, "__file__", None) or "")
+        if place.startswith(inside) or name.startswith(own):
             del sys.modules[name]
     if inside in sys.path:
         sys.path.remove(inside)

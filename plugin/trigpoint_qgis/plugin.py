@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from qgis.core import Qgis, QgsApplication, QgsSettings
-from qgis.PyQt.QtCore import QCoreApplication, QLocale, QTranslator, QUrl
+from qgis.PyQt.QtCore import QCoreApplication, QLocale, QThreadPool, QTranslator, QUrl
 from qgis.PyQt.QtGui import QDesktopServices, QIcon
 from qgis.PyQt.QtWidgets import QAction
 
@@ -16,6 +16,7 @@ from trigpoint_qgis.provider import TrigpointProvider
 ICON = deps.HERE / "icon.svg"
 HELP = deps.HERE / "help" / "index.html"
 MENU = "Trigpoint"
+PATIENCE_MS = 2000
 
 
 class TrigpointPlugin:
@@ -56,7 +57,7 @@ class TrigpointPlugin:
             self.iface.addPluginToMenu(MENU, action)
         self._options = OptionsFactory(self.environment_changed)
         self.iface.registerOptionsWidgetFactory(self._options)
-        QCoreApplication.instance().aboutToQuit.connect(self.close_panel)
+        QCoreApplication.instance().aboutToQuit.connect(self._quit)
 
     def unload(self) -> None:
         """Take everything away."""
@@ -67,7 +68,7 @@ class TrigpointPlugin:
         if self._options is not None:
             self.iface.unregisterOptionsWidgetFactory(self._options)
             self._options = None
-            QCoreApplication.instance().aboutToQuit.disconnect(self.close_panel)
+            QCoreApplication.instance().aboutToQuit.disconnect(self._quit)
         if self.action is not None:
             self.iface.removeToolBarIcon(self.action)
         for action in self._actions:
@@ -109,6 +110,17 @@ class TrigpointPlugin:
         self._attach()
         if self.dock is not None:
             self.dock.look_again()
+
+    def _quit(self) -> None:
+        """Close the dock, and let the threads of QGIS's tasks end while what they use is there.
+
+        A thread that has asked for a password store, as that of QGIS's news feed has, closes it
+        when it ends. QGIS deletes the store first, and the threads that our jobs have kept from
+        ending earlier would then take it down (3.40).
+        """
+        self.close_panel()
+        for pool in QgsApplication.taskManager().findChildren(QThreadPool):
+            pool.waitForDone(PATIENCE_MS)
 
     def _attach(self) -> str:
         """Let the packages beside QGIS be imported; return why not, if not."""

@@ -16,6 +16,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DRIVERS = Path(__file__).with_name("drivers")
+collect_ignore = ["drivers"]  # programs that run inside QGIS
 ENVIRONMENT = Path(os.environ.get("TRIGPOINT_QGIS_ENVIRONMENT", "/opt/trigpoint-qgis"))
 
 try:
@@ -86,11 +87,11 @@ def profile(tmp_path):
             "[app]",
             r"news-feed\disabled=true",
             r"plugin_installer\checkOnStart=false",
-            "[PythonPlugins]",
-            f"trigpoint_qgis={'true' if installed else 'false'}",
             "[trigpoint]",
             f"python_env={python_env}",
         ]
+        if installed is not None:
+            lines += ["[PythonPlugins]", "trigpoint_qgis=true"]
         (folder / "QGIS" / "QGIS3.ini").write_text("\n".join(lines) + "\n")
         if installed is not None:
             with zipfile.ZipFile(installed) as file:
@@ -109,6 +110,7 @@ def run_qgis(real_qgis, profile, tmp_path):  # noqa: ARG001
         told = tmp_path / "told.json"
         variables = _variables(profile) | {
             "TRIGPOINT_GIVEN": json.dumps({key: str(value) for key, value in given.items()}),
+            "TRIGPOINT_DRIVERS": str(DRIVERS),
             "TRIGPOINT_TOLD": str(told),
             "TRIGPOINT_SHOTS": os.environ.get("TRIGPOINT_SHOTS") or str(tmp_path),
         }

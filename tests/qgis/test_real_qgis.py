@@ -1,0 +1,149 @@
+"""The plugin in QGIS as a user starts it: no network, a display of its own, and the way out."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.qgis
+
+CORNERS = [[-91, 38], [-90, 38], [-90, 39], [-91, 39], [-91, 38]]
+REGION = {
+    "type": "FeatureCollection",
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "Polygon", "coordinates": [CORNERS]},
+        }
+    ],
+}
+
+
+@pytest.fixture(scope="session")
+def tower(tmp_path_factory):
+    """The clock tower's project, without its audit."""
+    from trigpoint.synthetic import clock_tower, write_project
+
+    return write_project(tmp_path_factory.mktemp("tower"), clock_tower())
+
+
+def test_from_the_zip_to_quitting_with_the_dock_open(
+    run_qgis, profile, archive, real_qgis, tower, tmp_path
+):
+    profile(python_env=real_qgis)
+    region = tmp_path / "region.geojson"
+    region.write_text(json.dumps(REGION))
+    said = run_qgis("lifecycle", archive=archive, project=tower, region=region)
+    names = ("align", "apply", "audit", "compare")
+    assert said["algorithms"] == [f"trigpoint:{name}" for name in names]
+    assert said["imported_early"] == []
+    assert said["floating"]
+    assert said["seconds_to_panel"] < 30
+    assert min(said["colours_at_first"].values()) > 2000, "a cloud is not to be seen"
+    assert said["picked"] >= 5
+    assert said["scale"] == pytest.approx(3.26, rel=0.02)
+    assert said["rmse_m"] < 0.5
+    assert said["pairs_after_undo"] == said["picked"] - 1
+    for state, seen in said["colours"].items():
+        assert min(seen) > 2000, f"a cloud is not to be seen once {state}"
+    assert said["pairs_kept"] == said["picked"]
+    # Trap: QGIS's own GEOS and GDAL come first, and calling both crashes.
+    assert said["region"] == [True, False]
+    assert said["unloaded"]
+    assert not any(said["left_behind"].values()), said["left_behind"]
+    assert said["reloaded"]
+    assert min(said["colours_after_reload"]) > 2000
+
+
+def test_without_the_packages_there_is_a_card_and_three_ways_out(
+    run_qgis, profile, archive, real_qgis
+):
+    folder = profile(installed=archive)
+    said = run_qgis("card", archive=archive, environment=real_qgis, profile=folder)
+    assert "vtk is missing" in said["text"]
+    assert not said["panel"]
+    assert not said["modal"]
+    assert not said["can_execute"]
+    assert "-m venv" in said["clipboard"]
+    assert "package index" in said["fault"], said["log"]
+    assert not said["left"], "what was not finished stayed behind"
+
+
+def results(ended):
+    assert ended.returncode == 0, ended.stderr[-3000:] + ended.stdout[-3000:]
+    return json.loads(ended.stdout)["results"]
+
+
+@pytest.fixture
+def small(small_project, real_qgis):  # noqa: ARG001
+    return small_project()[0]
+
+
+def test_align_then_apply_through_qgis_process(qgis_process, small, tmp_path):
+    fit, carried = tmp_path / "fit.json", tmp_path / "nerf.laz"
+    found = results(
+        qgis_process(
+            "trigpoint:align",
+            f"--PICKS={small.with_name('picks.csv')}",
+            "--CRS=EPSG:32615",
+            f"--SIMILARITY={fit}",
+            f"--POINTS={tmp_path / 'points.gpkg'}",
+            f"--VECTORS={tmp_path / 'vectors.gpkg'}",
+        )
+    )
+    assert found["SCALE"] == pytest.approx(3.26, rel=0.01)
+    assert found["INLIERS"] == 6
+    assert found["GEOMETRY"] == "sound"
+    assert (tmp_path / "vectors.gpkg").is_file()
+    found = results(
+        qgis_process(
+            "trigpoint:apply",
+            f"--SIMILARITY={fit}",
+            f"--INPUT={small.with_name('nerf.ply')}",
+            f"--OUTPUT={carried}",
+        )
+    )
+    assert found == {"COUNT": 8000, "OUTPUT": str(carried)}
+
+
+def test_compare_through_qgis_process(qgis_process, small, tmp_path):
+    found = results(
+        qgis_process(
+            "trigpoint:compare",
+            f"--RECONSTRUCTION={small.with_name('sfm.laz')}",
+            f"--REFERENCE={small.with_name('lidar.laz')}",
+            "--VOXEL=0.2",
+            f"--RESULTS={tmp_path / 'results.json'}",
+            f"--COMPLETENESS={tmp_path / 'completeness.tif'}",
+            f"--ERROR={tmp_path / 'error.tif'}",
+            f"--FOOTPRINT={tmp_path / 'footprint.gpkg'}",
+        )
+    )
+    assert 0 < found["ACCURACY_RMSE"] < 1
+    assert 0 < found["COMPLETENESS_PCT"] <= 100
+    for name in ("completeness.tif", "error.tif", "footprint.gpkg"):
+        assert (tmp_path / name).stat().st_size > 0
+
+
+def test_audit_through_qgis_process(qgis_process, small, tmp_path):
+    found = results(
+        qgis_process("trigpoint:audit", f"--PROJECT={small}", f"--FOLDER={tmp_path / 'audit'}")
+    )
+    assert found["VERDICT"] == "NOT TESTED"
+    bundle = Path(found["BUNDLE"])
+    assert (bundle / "data" / "results.json").is_file()
+    assert Path(found["REPORT"]).is_file()
+    drawn = {path.name for path in Path(found["MAP_FOLDER"]).iterdir()}
+    assert {"nerf.gpkg", "nerf-error.tif", "sfm-completeness.tif"} <= drawn
+
+
+def test_what_is_refused_is_a_sentence_and_exit_code_1(qgis_process, small, tmp_path):
+    shutil.copy(small.with_name("lidar.laz"), tmp_path / "picks.csv")
+    ended = qgis_process(
+        "trigpoint:align", f"--PICKS={tmp_path / 'picks.csv'}", f"--SIMILARITY={tmp_path / 's'}"
+    )
+    assert ended.returncode == 1
+    assert "picks.csv" in ended.stderr
+    assert "Traceback" not in ended.stderr
