@@ -114,6 +114,10 @@ class Panel(QWidget):
         self._autosave.setInterval(AUTOSAVE_MS)
         self._autosave.timeout.connect(self.desk.autosave)
         self._connect()
+        # A theme arrives palette by palette: once they have all come is soon enough.
+        self._restyle = QTimer(self)
+        self._restyle.setSingleShot(True)
+        self._restyle.timeout.connect(self.restyle)
         self.model.changed.append(self._model_changed)
         self.setAcceptDrops(True)
         self.restyle()
@@ -521,8 +525,8 @@ class Panel(QWidget):
     def changeEvent(self, event: QEvent) -> None:
         """Follow the theme, and let the magnifier go when another window comes to the front."""
         super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "tabs"):
-            QTimer.singleShot(0, self.restyle)
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_restyle"):
+            self._restyle.start()
         elif event.type() == QEvent.Type.ActivationChange and not self._closed:
             self.views.magnify(False)
 
@@ -546,7 +550,7 @@ class Totals(QWidget):
         super().__init__(parent)
         row = QHBoxLayout(self)
         row.setContentsMargins(8, 3, 8, 3)
-        row.setSpacing(20)
+        row.setSpacing(14)
         self.control, self.check, self.loo, self.layout_verdict = (QLabel(self) for _ in range(4))
         for label in (self.control, self.check, self.loo):
             row.addWidget(label)
@@ -557,9 +561,9 @@ class Totals(QWidget):
         """Take over what the model holds now."""
         fit = model.fit
         used = int(fit.table["used"].sum())
-        self.control.setText(f"Control RMSE  {_metres(fit.rmse_m)}  ({used} of {fit.controls})")
-        self.check.setText(f"Check RMSE  {_metres(fit.check_rmse_m)}  ({fit.checks})")
-        self.loo.setText(f"Leave-one-out  {_metres(fit.loocv_rmse_m)}")
+        self.control.setText(f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})")
+        self.check.setText(f"check {_metres(fit.check_rmse_m)} ({fit.checks})")
+        self.loo.setText(f"leave-one-out {_metres(fit.loocv_rmse_m)}")
         words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
         levels = {"sound": "success", "weak": "warning", "refused": "error"}
         say(self.layout_verdict, words.get(fit.geometry, ""), levels.get(fit.geometry, ""))

@@ -49,12 +49,12 @@ LIGHT = Look(
     bar="#b9d3ea",
 )
 DARK = Look(
-    window="#1f2226",
-    base="#17191c",
-    raised="#2b2f35",
+    window="#2b2e33",
+    base="#1e2125",
+    raised="#393d44",
     text="#e6e8eb",
-    faint="#a3abb6",
-    line="#3d434b",
+    faint="#aab2bd",
+    line="#4b5159",
     accent="#5aa9e6",
     on_accent="#0c1116",
     info="#7dbcf0",

@@ -1,0 +1,522 @@
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+
+pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
+pytest.importorskip("pyvista", reason="the panel's packages are not installed")
+
+from qtpy.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QToolButton
+
+from trigpoint.cloud import cloud_from
+from trigpoint.errors import CloudError
+from trigpoint.files import write
+from trigpoint.similarity import Similarity
+from trigpoint_panel import stateline
+from trigpoint_panel.actions import COMMANDS, keys_told
+from trigpoint_panel.jobs import Job, Pool
+from trigpoint_panel.panel import Panel
+from trigpoint_panel.style import DARK, LIGHT, apply_theme
+
+TRUTH = Similarity(
+    3.26, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([741_000.0, 4_279_000, 150])
+)
+CORNERS = np.array(
+    [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, -2, 20], [2, -2, 20], [2, 2, 20]], float
+)
+
+
+class FakeHost:
+    """A host that notes what it is told, and runs jobs in real threads."""
+
+    def __init__(self):
+        self.said, self.settings, self.layers, self.documents = [], {}, [], []
+        self.answers = []
+        self.pool = Pool()
+
+    def setting(self, key, default):
+        return self.settings.get(key, default)
+
+    def set_setting(self, key, value):
+        self.settings[key] = value
+
+    def message(self, level, text, details="", actions=()):
+        self.said.append((level, text, details, dict(actions)))
+
+    def clear_messages(self):
+        self.said.clear()
+
+    def run(self, job):
+        self.pool.run(job)
+
+    def open_file(self, _title, _filters):
+        return self.answers.pop(0)
+
+    def save_file(self, _title, _filters, _suggestion):
+        return self.answers.pop(0)
+
+    def choose_crs(self, _current, chosen):
+        chosen(self.answers.pop(0))
+
+    def add_layer(self, path, kind):
+        self.layers.append((path, kind))
+
+    def open_document(self, path):
+        self.documents.append(path)
+
+    def python(self):
+        return ("python-that-is-not-there",)
+
+    def shutdown(self):
+        return self.pool.wait(5000)
+
+
+@pytest.fixture
+def clouds(tmp_path):
+    """A tower on disk, in its own frame and in UTM."""
+    rng = np.random.default_rng(2)
+    u, v, side = rng.random(20_000), rng.random(20_000), rng.integers(0, 5, 20_000)
+    a, flat = 4 * u - 2, np.zeros(20_000)
+    faces = [(a, flat - 2), (a, flat + 2), (flat - 2, a), (flat + 2, a), (6 * a, 24 * v - 12)]
+    plan = np.choose(side[:, None], [np.column_stack(face) for face in faces])
+    points = np.column_stack([plan, np.where(side == 4, 0, 20 * v)])
+    write(tmp_path / "own.ply", cloud_from(points))
+    write(tmp_path / "utm.laz", cloud_from(TRUTH(points), crs=pyproj.CRS("EPSG:32615")))
+    write(tmp_path / "nowhere.laz", cloud_from(TRUTH(points)))
+    return tmp_path
+
+
+@pytest.fixture
+def host(qapp):
+    assert qapp is not None
+    return FakeHost()
+
+
+@pytest.fixture
+def panel(qtbot, host, tmp_path):
+    made = Panel(host, scratch=tmp_path / "scratch", canvas="image")
+    qtbot.addWidget(made, before_close_func=lambda each: each.shutdown())
+    made.resize(1200, 700)
+    made.show()
+    yield made
+    assert host.shutdown()
+
+
+def feed(panel, count=6, spoilt=None):
+    """Pick corners, as the views would tell."""
+    for k in range(count):
+        panel.model.place("source", CORNERS[k])
+        target = TRUTH(CORNERS[[k]])[0] + [0.01 * (k % 3), 0.01 * (k % 2), 0.005 * k]
+        panel.model.place("target", target + ([0.7, 0, 0] if k == spoilt else [0, 0, 0]))
+
+
+def load(panel, clouds, qtbot):
+    panel.open_cloud("source", clouds / "own.ply")
+    panel.open_cloud("target", clouds / "utm.laz")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+
+
+def test_every_command_is_wired_and_every_key_is_used_once(panel):
+    keys = [keys for command in COMMANDS.values() for keys in command.keys.split()]
+    assert len(keys) == len(set(keys))
+    assert {"P", "Esc", "Ctrl+Z", "N", "G", "L", "O", "X", "E", "F", "F1"} <= set(keys)
+    for name, action in panel.actions_by_name.items():
+        assert action.shortcutContext() == Qt.ShortcutContext.WidgetWithChildrenShortcut
+        assert action in panel.actions()
+        assert action.toolTip(), name
+    assert len(keys_told()) > 25
+
+
+def test_what_can_be_done_follows_the_state_line(panel):
+    assert panel.line.enabled == stateline.OPEN
+    assert not panel.action("pick").isEnabled()
+    feed(panel, 2)
+    assert panel.line.text.startswith("2 of 3 pairs")
+    assert not panel.action("link").isEnabled()
+    feed(panel)
+    assert panel.action("link").isEnabled()
+    assert panel.totals.layout_verdict.text().startswith("Layout:")
+    panel.model.undo()
+    assert panel.action("redo").isEnabled()
+    assert "complete P" in panel.action("redo").toolTip()
+
+
+def test_linking_ends_with_the_fit(panel):
+    feed(panel)
+    panel.action("link").setChecked(True)
+    panel.model.delete({pair.id for pair in panel.model.pairs[:5]})
+    assert not panel.action("link").isChecked()
+
+
+def test_escape_cancels_then_drops_then_leaves_picking(panel, qtbot):
+    feed(panel, 3)
+    panel.action("pick").setChecked(True)
+    panel.model.place("source", CORNERS[4])
+
+    def work(tick):
+        while True:
+            tick(0.2)
+            time.sleep(0.01)
+
+    job = panel.foot.begin(Job("Waiting", work))
+    qtbot.waitUntil(lambda: "20 %" in panel.foot.line.text(), timeout=5000)
+    assert panel.line.enabled == {"cancel", "pick"}
+    QTest.keyClick(panel, Qt.Key.Key_Escape)
+    assert not job.running
+    assert panel.model.half_open is not None
+    QTest.keyClick(panel, Qt.Key.Key_Escape)
+    assert panel.model.half_open is None
+    assert panel.action("pick").isChecked()
+    QTest.keyClick(panel, Qt.Key.Key_Escape)
+    assert not panel.action("pick").isChecked()
+
+
+def test_a_crash_in_a_job_is_one_message_and_the_panel_stays_usable(panel, host, qtbot):
+    feed(panel)
+    panel._begin(Job("Sums", lambda _: 1 / 0))
+    qtbot.waitUntil(lambda: bool(host.said), timeout=5000)
+    level, text, details, _ = host.said[-1]
+    assert level == "error"
+    assert "Something went wrong while doing this: Sums" in text
+    assert "ZeroDivisionError" in details
+    assert panel.line.level == "red"
+    panel.model.undo()
+    assert "Something" not in panel.line.text
+
+
+def test_a_pick_far_from_its_ghost_is_doubted_and_can_be_taken_back(panel, host):
+    feed(panel, 5)
+    panel.model.place("source", CORNERS[5])
+    from trigpoint_panel.view import Picked
+
+    far = tuple((TRUTH(CORNERS[[5]])[0] + [2.3, 0, 0]).tolist())
+    panel.views.target.picked.emit(Picked(far, 0.05, "", far))
+    level, text, _, actions = host.said[-1]
+    assert level == "warning"
+    assert text == "P6 in the target: 2.3 m from where 5 pairs put it. Keep?"
+    actions["Undo"]()
+    assert panel.model.pairs[-1].is_half_open
+
+
+def test_a_cloud_without_crs_can_be_given_one(panel, host, clouds, qtbot):
+    panel.open_cloud("target", clouds / "nowhere.laz")
+    qtbot.waitUntil(lambda: bool(host.said), timeout=10_000)
+    _, text, _, actions = host.said[-1]
+    assert "nowhere.laz has no CRS" in text
+    assert panel.views.opened["target"] is None
+    assert panel.model.state.target_path is None
+    host.answers.append("EPSG:32615")
+    actions["Choose a CRS…"]()
+    assert panel.model.state.crs == "EPSG:32615"
+    panel.open_cloud("target", clouds / "nowhere.laz")
+    qtbot.waitUntil(lambda: panel.views.opened["target"] is not None, timeout=10_000)
+    assert panel.model.survey is not None
+
+
+@pytest.mark.parametrize("spoil", ["empty", "truncated", "gone"])
+def test_a_bad_file_is_one_sentence(panel, host, clouds, qtbot, spoil):
+    path = clouds / "utm.laz"
+    if spoil == "gone":
+        path = clouds / "gone.laz"
+    else:
+        path.write_bytes(b"" if spoil == "empty" else path.read_bytes()[:4000])
+    panel.open_cloud("target", path)
+    qtbot.waitUntil(lambda: bool(host.said), timeout=10_000)
+    (said,) = host.said
+    assert path.name in said[1]
+    assert said[2] == ""
+    assert panel.foot.job is None
+    assert panel.action("open_target").isEnabled()
+
+
+def test_a_zone_is_isolated_by_choosing_its_row(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    tab = panel.errors_tab
+    assert tab.compare.isEnabled()
+    panel.compare()
+    qtbot.waitUntil(lambda: tab.findings is not None, timeout=20_000)
+    assert [tab.accuracy.item(row, 0).text() for row in range(4)] == [
+        "All",
+        "Upper",
+        "Middle",
+        "Lower",
+    ]
+    assert panel.views.source.scene.mode == "distance"
+    shown = []
+    panel.views.source.isolate = shown.append
+    tab.choose_zone("upper")
+    heights = TRUTH(panel.views.opened["source"].cloud.coordinates)[:, 2]
+    low, high = heights.min(), heights.max()
+    assert tab.completeness.currentRow() == 1
+    agree = shown[-1] == (heights >= low + 0.66 * (high - low))
+    assert agree.mean() > 0.999
+    tab.choose_zone("all")
+    assert shown[-1] is None
+    panel.model.undo()
+    assert "Changed since" in tab.note.text()
+    assert [level for level, *_ in host.said if level == "error"] == []
+
+
+def test_icp_is_an_experiment_that_can_be_adopted_and_discarded(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    tab = panel.align_tab
+    fitted = panel.model.similarity
+    panel.try_icp()
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=60_000)
+    assert "not adopted" in tab.verdict.text()
+    assert "m → " in tab.errors.text()
+    assert panel.model.similarity is fitted
+    tab.adopt.click()
+    assert panel.model.state.adopted is not None
+    assert "adopted" in tab.verdict.text()
+    panel.model.undo()
+    assert panel.model.state.adopted is None
+    tab.adopt.click()
+    tab.discard.click()
+    assert panel.model.state.adopted is None
+    assert not tab.adopt.isEnabled()
+
+
+def test_an_audit_that_can_not_run_says_so(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    host.answers.append(clouds / "job.toml")
+    panel.make_report()
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=10_000)
+    assert host.said[-1][0] == "error"
+    assert "python-that-is-not-there" in host.said[-1][1]
+    assert (clouds / "job.toml").is_file()
+    assert not panel.model.is_stale
+
+
+def test_no_project_file_chosen_means_no_audit(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    host.answers.append(None)
+    assert panel.make_report() is None
+    assert panel.foot.job is None
+
+
+def test_a_session_is_saved_and_opened_with_its_cameras(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    panel.views.target.look("top")
+    camera = panel.views.target.camera
+    host.answers.append(clouds / "mine")
+    assert panel.desk.save()
+    saved = clouds / "mine.trig.json"
+    assert json.loads(saved.read_text("utf-8"))
+    assert panel.title == "mine.trig.json"
+    pairs = panel.model.pairs
+    panel.model.delete({"P1"})
+    assert panel.title == "mine.trig.json *"
+    panel.views.target.look("front")
+    panel.open_session(saved)
+    qtbot.waitUntil(lambda: panel.foot.job is None and panel.model.pairs == pairs, timeout=20_000)
+    qtbot.waitUntil(lambda: panel.views.opened["target"] is not None, timeout=20_000)
+    np.testing.assert_allclose(panel.views.target.camera.position, camera.position)
+
+
+def test_a_moved_cloud_is_said_and_the_rest_opens(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    host.answers.append(clouds / "mine")
+    panel.desk.save()
+    host.clear_messages()
+    (clouds / "own.ply").rename(clouds / "moved.ply")
+    panel.open_session(clouds / "mine.trig.json")
+    qtbot.waitUntil(lambda: panel.foot.job is None and bool(host.said), timeout=20_000)
+    qtbot.waitUntil(lambda: panel.views.opened["target"] is not None, timeout=20_000)
+    assert any("own.ply" in text for _, text, *_ in host.said)
+    assert len(panel.model.pairs) == 6
+
+
+def test_changes_are_autosaved_and_offered_after_a_crash(panel, host, qtbot, tmp_path):
+    feed(panel, 3)
+    scratch = tmp_path / "scratch"
+    qtbot.waitUntil(lambda: any(scratch.glob("*~")), timeout=5000)
+    other = Panel(host, scratch=scratch, canvas="image")
+    qtbot.addWidget(other, before_close_func=lambda each: each.shutdown())
+    other.desk.offer_recovery()
+    _, text, _, actions = host.said[-1]
+    assert "Unsaved changes" in text
+    actions["Restore"]()
+    assert other.model.pairs == panel.model.pairs
+
+
+def test_files_are_taken_by_drag_and_drop(panel, host, clouds, qtbot):
+    mime = QMimeData()
+    mime.setUrls([QUrl.fromLocalFile(str(clouds / "own.ply"))])
+    buttons, keys = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    enter = QDragEnterEvent(QPoint(5, 5), Qt.DropAction.CopyAction, mime, buttons, keys)
+    panel.dragEnterEvent(enter)
+    assert enter.isAccepted()
+    drop = QDropEvent(QPointF(5, 5), Qt.DropAction.CopyAction, mime, buttons, keys)
+    panel.dropEvent(drop)
+    qtbot.waitUntil(lambda: panel.views.opened["source"] is not None, timeout=10_000)
+    assert panel.model.state.source_path == clouds / "own.ply"
+    assert host.said == []
+
+
+def test_picks_go_out_and_come_back(panel, host, clouds):
+    feed(panel)
+    pairs = panel.model.pairs
+    host.answers.append(clouds / "out.csv")
+    panel.action("export_picks").trigger()
+    assert "out.csv: written." in host.said[-1][1]
+    host.answers.append(clouds / "out.csv")
+    panel.action("import_picks").trigger()
+    level, _, _, actions = host.said[-1]
+    assert level == "error"  # every id is taken
+    panel.model.delete({"P1"})
+    actions["Replace the pairs"]()
+    assert [pair.source for pair in panel.model.pairs] == [pair.source for pair in pairs]
+
+
+def test_a_second_operator_begins_and_ends(panel, host):
+    feed(panel)
+    panel.action("second_begin").trigger()
+    assert panel.model.state.is_second_operator
+    assert "Second operator" in panel.line.text
+    for k in range(6):
+        panel.model.place("source", CORNERS[k] + [0.01, 0, 0])
+        panel.model.place("target", TRUTH(CORNERS[[k]])[0] + [0, 0.02, 0])
+    panel.action("second_keep").trigger()
+    assert not panel.model.state.is_second_operator
+    assert host.said[-1][0] == "success"
+
+
+def test_a_command_that_can_not_be_is_refused_in_a_sentence(panel, host):
+    panel.action("second_begin").setEnabled(True)
+    panel.action("second_begin").trigger()
+    assert host.said[-1][0] == "error"
+    assert host.said[-1][1].startswith("Begin: There is no pair")
+
+
+def test_settings_that_can_not_be_are_refused(panel, host):
+    tab = panel.errors_tab
+    tab.zones.setText("0.9, 0.3")
+    tab.zones.editingFinished.emit()
+    assert "ascend" in tab.trouble.text()
+    tab.zones.setText("0.5")
+    tab.zones.editingFinished.emit()
+    assert panel.model.state.comparison.zones == (0.5,)
+    tab.within.setText("near")
+    tab.within.editingFinished.emit()
+    assert "Thresholds are distances" in tab.trouble.text()
+    panel.report_tab.date.setText("yesterday")
+    panel.report_tab.date.editingFinished.emit()
+    assert "is no date" in host.said[-1][1]
+    panel.report_tab.status.setCurrentText("issued")
+    assert host.said[-1][0] == "error"
+
+
+def test_typed_details_are_one_undoable_step_each(panel):
+    tab = panel.report_tab
+    tab.fields["title"].setText("Bell tower")
+    tab.fields["title"].editingFinished.emit()
+    assert panel.model.state.about.title == "Bell tower"
+    assert panel.model.undo_text == "Change project details"
+    panel.model.undo()
+    assert tab.fields["title"].text() == ""
+
+
+def test_the_magnifier_is_on_while_z_is_held(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    held = []
+    panel.views.magnify = held.append
+    panel.setFocus()
+    QTest.keyPress(panel, Qt.Key.Key_Z)
+    QTest.keyRelease(panel, Qt.Key.Key_Z)
+    assert held == [True, False]
+
+
+def test_letters_go_into_a_field_and_not_to_the_panel(panel, qtbot):
+    panel.tabs.setCurrentWidget(panel.report_tab)
+    panel.activateWindow()
+    field = panel.report_tab.fields["client"]
+    field.setFocus()
+    QTest.keyClicks(field, "Pole n Lofo 137")
+    assert field.text() == "Pole n Lofo 137"
+    assert not panel.action("pick").isChecked()
+    assert qtbot is not None
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (960, 600)])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_nothing_is_cut_off_or_on_top_of_another(panel, qapp, size, theme, qtbot):
+    before = qapp.palette()
+    name = qapp.style().objectName()
+    try:
+        apply_theme(qapp, theme)
+        panel.resize(*size)
+        feed(panel, 6, spoilt=4)
+        for tab in range(3):
+            panel.tabs.setCurrentIndex(tab)
+            QApplication.processEvents()
+            qtbot.wait(20)
+            _check_layout(panel, size)
+        look = DARK if theme == "dark" else LIGHT
+        assert look.accent in panel.styleSheet()
+    finally:
+        qapp.setStyle(name)
+        qapp.setPalette(before)
+
+
+def _check_layout(panel, size):
+    assert panel.width() == size[0]
+    assert panel.height() == size[1]
+    for label in panel.findChildren(QLabel):
+        if (
+            label.isVisible()
+            and label.text()
+            and not label.wordWrap()
+            and label is not panel.foot.line
+        ):
+            wide = QFontMetrics(label.font()).horizontalAdvance(label.text())
+            if panel.views.isAncestorOf(label):
+                continue  # the views elide
+            assert label.width() >= wide - 1, label.text()
+    for button in [*panel.findChildren(QPushButton), *panel.findChildren(QToolButton)]:
+        if button.isVisible() and button.text() and not panel.views.isAncestorOf(button):
+            wide = QFontMetrics(button.font()).horizontalAdvance(button.text())
+            assert button.width() >= wide, button.text()
+    for tab in (panel.align_tab, panel.errors_tab, panel.report_tab):
+        if tab.isVisible():
+            assert tab.inside.width() <= tab.viewport().width()
+            shown = [
+                each
+                for each in tab.inside.children()
+                if isinstance(each, QLabel | QPushButton | QLineEdit) and each.isVisible()
+            ]
+            for k, one in enumerate(shown):
+                for other in shown[k + 1 :]:
+                    assert not one.geometry().intersects(other.geometry()), (one, other)
+
+
+def test_shutting_down_twice_is_fine_and_frees_the_model(panel):
+    listeners = len(panel.model.changed)
+    panel.shutdown()
+    panel.shutdown()
+    assert len(panel.model.changed) == listeners - 1
+
+
+def test_the_panel_names_no_binding_and_no_host():
+    import trigpoint_panel
+
+    unscoped = []
+    for path in Path(trigpoint_panel.__file__).parent.glob("*.py"):
+        text = path.read_text("utf-8")
+        for name in ("PySide6", "PyQt5", "PyQt6", "qgis", "exec_("):
+            if f"import {name}" in text or f"from {name}" in text or "exec_(" in text:
+                unscoped.append((path.name, name))
+    assert unscoped == []
+    assert issubclass(CloudError, ValueError)

@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+
+pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
+
+from qtpy.QtCore import Qt
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication
+
+from trigpoint.similarity import Similarity
+from trigpoint_panel.model import Model
+from trigpoint_panel.table import AT, COLUMNS, LEVEL, PairTable
+
+PLACES = np.array(
+    [[0, 0, 0], [8, 0, 1], [8, 8, 0], [0, 8, 2], [1, 1, 12], [7, 6, 11], [2, 6, 5]], float
+)
+
+
+@pytest.fixture
+def model(offset):
+    rng = np.random.default_rng(4)
+    truth = Similarity(3.26, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), offset)
+    made = Model()
+    for source, target in zip(PLACES, truth(PLACES), strict=True):
+        made.place("source", source)
+        made.place("target", target + rng.normal(0, 0.02, 3))
+    return made
+
+
+@pytest.fixture
+def table(qtbot, model):
+    made = PairTable(model)
+    qtbot.addWidget(made)
+    model.changed.append(made.refresh)
+    made.resize(1500, 300)
+    made.show()
+    return made
+
+
+def test_every_pair_is_a_row_and_every_number_has_its_unit(table, model):
+    assert table.model().rowCount() == 7
+    assert [column.key for column in COLUMNS][:3] == ["role", "id", "flag"]
+    assert table.cell("P1", "source_x") == "0.000"
+    assert table.cell("P1", "d_m") == f"{model.fit.table['d_m'][0]:.3f}"
+    assert table.cell("P1", "role") == "control"
+    heads = {column.key: column.head for column in COLUMNS}
+    assert heads["d_m"] == "3D\nm"
+
+
+def test_a_suspect_has_a_word_a_level_and_a_reason(table, model):
+    x, y, z = model.pairs[4].target
+    model.move("P5", "target", (x + 0.3, y, z))
+    index = table.index_of("P5", "flag")
+    assert index.data() == "suspect"
+    assert index.data(LEVEL) == "red"
+    assert "does not fit the others" in index.data(Qt.ItemDataRole.ToolTipRole)
+
+
+def test_numbers_are_sorted_as_numbers(table, model):
+    table.sortByColumn(AT["source_z"], Qt.SortOrder.DescendingOrder)
+    shown = [table.model().index(row, AT["source_z"]).data() for row in range(7)]
+    assert shown[:3] == ["12.000", "11.000", "5.000"]
+    table.sortByColumn(AT["d_m"], Qt.SortOrder.AscendingOrder)
+    first = table.model().index(0, AT["id"]).data()
+    assert first == model.fit.table.sort_values("d_m")["id"].iloc[0]
+
+
+def test_selecting_a_row_selects_the_pair_and_the_other_way_round(table, model):
+    table.selectRow(2)
+    assert model.state.selected == "P3"
+    model.select("P5")
+    assert table.chosen() == ["P5"]
+
+
+def test_a_click_on_the_box_goes_through_three_roles(table, model):
+    index = table.index_of("P2", "role")
+    for role, state in (
+        ("check", Qt.CheckState.PartiallyChecked),
+        ("off", Qt.CheckState.Unchecked),
+        ("control", Qt.CheckState.Checked),
+    ):
+        table.model().setData(index, Qt.CheckState.Checked, Qt.ItemDataRole.CheckStateRole)
+        assert model.pairs[1].role == role
+        assert Qt.CheckState(index.data(Qt.ItemDataRole.CheckStateRole)) == state
+
+
+def test_coordinates_are_typed_by_keyboard_alone(table, model):
+    model.new_pair()
+    table.setFocus()
+    for key, text in zip(("source_x", "source_y", "source_z"), ("4", "4.5", "6"), strict=True):
+        table.setCurrentIndex(table.index_of("P8", key))
+        QTest.keyClick(table, Qt.Key.Key_Return)
+        QTest.keyClicks(QApplication.focusWidget(), text)
+        QTest.keyClick(QApplication.focusWidget(), Qt.Key.Key_Return)
+        QApplication.processEvents()
+    assert model.pairs[-1].source == (4.0, 4.5, 6.0)
+    assert model.pairs[-1].is_half_open
+
+
+def test_what_can_not_be_is_refused_in_a_sentence(table, model):
+    told = []
+    table.refused.connect(told.append)
+    index = table.index_of("P1", "target_z")
+    assert not table.model().setData(index, "high", Qt.ItemDataRole.EditRole)
+    assert told == ["'high' is not a number: type digits, with a decimal point."]
+    assert model.undo_text == "Complete P7 in the target"
+
+
+def test_space_asks_for_another_role_and_z_is_left_to_the_magnifier(table, qtbot):
+    table.selectRow(0)
+    with qtbot.waitSignal(table.role_wanted, timeout=1000):
+        QTest.keyClick(table, Qt.Key.Key_Space)
+    QTest.keyClick(table, Qt.Key.Key_Z)
+    assert table.chosen() == ["P1"]
