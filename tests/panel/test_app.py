@@ -1,0 +1,231 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
+pytest.importorskip("pyvista", reason="the panel's packages are not installed")
+
+from qtpy.QtCore import QSettings, Qt
+from qtpy.QtTest import QTest
+from qtpy.QtWidgets import QApplication, QDialogButtonBox
+
+from trigpoint_panel import app
+from trigpoint_panel.crsfield import CrsField
+from trigpoint_panel.host import StandaloneHost
+from trigpoint_panel.strip import MessageStrip
+from trigpoint_panel.style import DARK, LIGHT, apply_theme, look_of
+from trigpoint_panel.window import Window
+
+
+@pytest.fixture
+def window(qtbot, tmp_path):
+    settings = QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat)
+    made = Window(settings, canvas="image", scratch=tmp_path / "scratch")
+    made.show()
+    yield made
+    made.panel.session.discard_autosave()
+    assert made.end()
+    made.ask_unsaved = lambda: "discard"
+    made.close()
+    made.deleteLater()
+    qtbot.wait(1)
+
+
+def test_without_its_packages_it_says_what_to_install(capsys, monkeypatch):
+    monkeypatch.setattr(
+        app.importlib.util, "find_spec", lambda name: None if name == "pyvistaqt" else 1
+    )
+    with pytest.raises(SystemExit) as stopped:
+        app.main([])
+    assert stopped.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith("trigpoint-panel: pyvistaqt missing. Install what the panel needs: ")
+    assert told.endswith('pip install "trigpoint[panel]"\n')
+
+
+def test_the_command_line_loads_no_qt_until_it_must():
+    code = (
+        "import sys, trigpoint_panel.app;"
+        "print([name for name in sys.modules if 'Qt' in name or 'vtk' in name])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_it_says_its_version(capsys):
+    import trigpoint
+
+    with pytest.raises(SystemExit) as stopped:
+        app.main(["--version"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out == f"trigpoint {trigpoint.__version__}\n"
+
+
+def test_the_demo_opens_the_clock_tower(window, qtbot, tmp_path, monkeypatch):
+    from trigpoint import synthetic
+
+    small = synthetic.clock_tower(density=0.05)
+    monkeypatch.setattr(synthetic, "clock_tower", lambda: small)
+    window.panel.open_demo(tmp_path / "demo")
+    panel = window.panel
+    qtbot.waitUntil(
+        lambda: panel.foot.job is None and all(panel.views.opened.values()), timeout=60_000
+    )
+    assert (tmp_path / "demo" / "project.toml").is_file()
+    assert "6 control, 4 check" in panel.line.text
+    assert window.strip.texts() == []
+    assert window.windowTitle() == "project.toml"
+
+
+def test_a_cloud_given_on_the_command_line_of_the_wrong_kind_is_told(window, qtbot, tmp_path):
+    (tmp_path / "broken.toml").write_text("[project", "utf-8")
+    window.panel.desk.open_dropped(tmp_path / "broken.toml")
+    qtbot.waitUntil(lambda: bool(window.strip.texts()), timeout=10_000)
+    assert "broken.toml" in window.strip.texts()[0]
+
+
+@pytest.mark.parametrize(("answer", "closes"), [("cancel", False), ("discard", True)])
+def test_only_closing_with_changes_asks(window, answer, closes):
+    window.ask_unsaved = lambda: answer
+    window.panel.model.place("source", (1, 2, 3))
+    assert window.windowTitle() == "untitled *"
+    assert window.close() is closes
+
+
+def test_closing_without_changes_asks_nothing(window):
+    window.ask_unsaved = lambda: pytest.fail("it asked")
+    assert window.close()
+
+
+def test_saving_on_the_way_out(window, tmp_path):
+    window.ask_unsaved = lambda: "save"
+    window.host.save_file = lambda *_: tmp_path / "kept.trig.json"
+    window.panel.model.place("source", (1, 2, 3))
+    assert window.close()
+    assert (tmp_path / "kept.trig.json").is_file()
+
+
+def test_a_read_only_folder_keeps_the_window_open(window, tmp_path):
+    window.ask_unsaved = lambda: "save"
+    window.host.save_file = lambda *_: tmp_path / "no" / "such" / "folder.trig.json"
+    (tmp_path / "no").write_text("a file where a folder should be", "utf-8")
+    window.panel.model.place("source", (1, 2, 3))
+    assert not window.close()
+    assert "can't be written" in window.strip.texts()[0]
+
+
+def test_an_error_that_nobody_foresaw_is_a_message(window, qtbot, capsys):
+    try:
+        1 / 0  # noqa: B018
+    except ZeroDivisionError as error:
+        window.report(type(error), error, error.__traceback__)
+    qtbot.waitUntil(lambda: bool(window.strip.texts()), timeout=2000)
+    assert window.strip.texts() == ["Something went wrong: ZeroDivisionError: division by zero."]
+    assert "test_app.py" in window.strip.messages[0].details
+    assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_the_strip_shows_the_newest_on_top_and_the_same_once(qtbot):
+    strip = MessageStrip()
+    qtbot.addWidget(strip)
+    assert strip.isHidden()
+    done = []
+    for text in ("one", "two", "three", "four", "two"):
+        strip.add("warning", text, "why", [("Do it", lambda text=text: done.append(text))])
+    assert strip.texts() == ["two", "four", "three"]
+    strip.messages[0].buttons[0].click()
+    assert done == ["two"]
+    assert strip.texts() == ["four", "three"]
+    message = strip.messages[0]
+    assert message.accessibleName() == "Doubt: four"
+    message.buttons[1].click()
+    message.buttons[2].click()
+    assert QApplication.clipboard().text() == "four\n\nwhy"
+    strip.clear()
+    assert strip.isHidden()
+
+
+def test_a_crs_is_named_back_before_it_is_taken(qtbot):
+    taken = []
+    field = CrsField(None, "", taken.append)
+    qtbot.addWidget(field)
+    field.show()
+    ok = field.buttons.button(QDialogButtonBox.StandardButton.Ok)
+    field.field.setText("4326")
+    assert "degrees" in field.found.text()
+    assert not ok.isEnabled()
+    field.field.setText("EPSG:99")
+    assert not ok.isEnabled()
+    field.field.setText("32615")
+    assert field.found.text() == "WGS 84 / UTM zone 15N"
+    QTest.keyClick(field.field, Qt.Key.Key_Return)
+    assert taken == ["EPSG:32615"]
+
+
+def test_settings_come_back_as_what_they_were(qtbot, tmp_path):
+    strip = MessageStrip()
+    qtbot.addWidget(strip)
+    path = str(tmp_path / "settings.ini")
+    host = StandaloneHost(strip, strip, QSettings(path, QSettings.Format.IniFormat))
+    for key, value in (("on", True), ("count", 7), ("size", 2.5), ("name", "x")):
+        host.set_setting(key, value)
+    host._settings.sync()
+    again = StandaloneHost(strip, strip, QSettings(path, QSettings.Format.IniFormat))
+    assert again.setting("on", False) is True
+    assert again.setting("count", 0) == 7
+    assert again.setting("size", 0.0) == 2.5
+    assert again.setting("name", "") == "x"
+    assert again.setting("other", 3) == 3
+
+
+def test_words_are_legible_in_both_themes(qapp):
+    def luminance(colour):
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    def contrast(one, other):
+        high, low = sorted((luminance(one), luminance(other)), reverse=True)
+        return (high + 0.05) / (low + 0.05)
+
+    for look in (LIGHT, DARK):
+        for ink in (look.text, look.faint, look.success, look.warning, look.error, look.info):
+            assert contrast(ink, look.window) >= 4.5, (ink, look.window)
+        for ground in (look.base, look.amber_row, look.red_row, look.bar):
+            assert contrast(look.text, ground) >= 4.5, ground
+        assert contrast(look.on_accent, look.accent) >= 4.5
+    before, name = qapp.palette(), qapp.style().objectName()
+    try:
+        apply_theme(qapp, "dark")
+        assert look_of() is DARK
+    finally:
+        qapp.setStyle(name)
+        qapp.setPalette(before)
+
+
+def test_the_process_ends_when_its_window_closes(tmp_path):
+    code = (
+        "import sys; from qtpy.QtCore import QTimer; from trigpoint_panel import app, window;"
+        "show = window.Window.show;"
+        "window.Window.show = lambda self: (show(self), QTimer.singleShot(1500, self.close));"
+        "app.main([])"
+    )
+    place = {
+        "HOME": str(tmp_path),
+        "XDG_DATA_HOME": str(tmp_path),
+        "XDG_CONFIG_HOME": str(tmp_path),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | place,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert Path(tmp_path).is_dir()
