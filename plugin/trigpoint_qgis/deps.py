@@ -36,7 +36,7 @@ PANEL = ENGINE | VIEWS
 REASONS = {"vtk": "an older one crashes QGIS when it quits"}
 # They bring GEOS, GDAL and PROJ.
 BOUND = ("shapely", "pyogrio", "pyproj")
-SIZE = "about 0.9 GB"
+SIZE = "about 1.2 GB"
 
 
 @dataclass(frozen=True)

@@ -149,3 +149,26 @@ def test_the_plugin_s_files_hold_no_path_of_a_machine(archive):
     with zipfile.ZipFile(archive) as file:
         own = [name for name in file.namelist() if "/_vendor/" not in name]
         assert not [name for name in own if home.search(file.read(name))]
+
+
+def test_the_template_of_translations_holds_what_the_plugin_says():
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import make_translations as m; print(m.template() == m.TEMPLATE.read_text('utf-8'))",
+        ],
+        cwd=ROOT / "plugin",
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "True", "run python plugin/make_translations.py"
+
+
+def test_the_help_asks_nothing_of_the_network(archive):
+    with zipfile.ZipFile(archive) as file:
+        page = file.read("trigpoint_qgis/help/index.html").decode()
+    assert not re.search(r"(src|href)=|url\(|@import", page)
+    for name in ("align", "apply", "compare", "audit"):
+        assert f"trigpoint:{name}" in page
