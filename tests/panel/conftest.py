@@ -22,6 +22,9 @@ def pytest_configure():
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
+# Not tests: a hand that works the panel, and a driver that takes pictures of it.
+collect_ignore = ["hand.py", "shots.py"]
+
 UTM = np.array([741_000.0, 4_279_000.0, 150.0])
 
 
