@@ -119,7 +119,8 @@ def coloured(
         return _classes(cloud.attributes["classification"])
     if mode == "distance":
         given = cloud.attributes.get("distance_m") if distances is None else distances
-        return distance_colours(np.asarray(given, np.float64)), _bands()
+        metres = np.asarray(given, np.float64)
+        return distance_colours(metres), distance_legend(has_gaps=bool(np.isnan(metres).any()))
     if mode == "intensity":
         values = cloud.attributes["intensity"].astype(np.float32)
         # The ends of grey would vanish on a light or a dark background.
@@ -159,11 +160,20 @@ def _classes(values: NDArray[np.generic]) -> tuple[Colours, Legend]:
     return table[codes], Legend("Class", swatches=swatches)
 
 
-def _bands() -> Legend:
+def distance_legend(*, has_gaps: bool = False) -> Legend:
+    """Say how to read distances, the same in every view and in the report.
+
+    Parameters
+    ----------
+    has_gaps : bool
+        Whether some points have none (NaN).
+    """
     table = [_hex(colour) for colour in colour_table()]
     count = round(LIMIT_M / BAND_M)
-    swatches = ((table[count], f"beyond {LIMIT_M:.2f} m"),)
-    return Legend("Distance", tuple(table[:count]), "0 m", f"{LIMIT_M:.2f} m", swatches)
+    swatches = [(table[count], f"beyond {LIMIT_M:.2f} m")]
+    if has_gaps:
+        swatches.append((table[count + 1], "none measured"))
+    return Legend("Distance", tuple(table[:count]), "0 m", f"{LIMIT_M:.2f} m", tuple(swatches))
 
 
 def _hex(colour: NDArray[np.uint8]) -> str:

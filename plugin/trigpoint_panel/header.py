@@ -60,6 +60,7 @@ class Header(QtWidgets.QWidget):
     def __init__(self, title: str, parent: QtWidgets.QWidget | None = None) -> None:
         super().__init__(parent)
         self._title = title
+        self._is_empty = True
         self.label = ElidedLabel()
         self.colour = QtWidgets.QComboBox()
         self.colour.setToolTip("Colour by")
@@ -117,8 +118,8 @@ class Header(QtWidgets.QWidget):
             self.colour.addItem(LABELS[each], each)
         if mode is not None:
             self.colour.setCurrentIndex(self.colour.findData(mode))
-        for widget in (self.colour, self.size_slider, self.eye_dome, self.fit, self.more):
-            widget.setVisible(bool(modes))
+        self._is_empty = not modes
+        self._arrange()
 
     def set_states(self, *, size: float, eye_dome: bool, parallel: bool) -> None:
         """Show settings that were changed elsewhere."""
@@ -129,6 +130,21 @@ class Header(QtWidgets.QWidget):
         self.parallel.setChecked(parallel)
         for widget in (self.size_slider, self.eye_dome, self.parallel):
             widget.blockSignals(False)
+
+    def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
+        """Leave the name room before the tools that have keys."""
+        super().resizeEvent(event)
+        self._arrange()
+
+    def _arrange(self) -> None:
+        for widget, room in (
+            (self.colour, 0),
+            (self.more, 0),
+            (self.fit, 300),
+            (self.eye_dome, 350),
+            (self.size_slider, 430),
+        ):
+            widget.setVisible(not self._is_empty and self.width() >= room)
 
     def _choose_mode(self, row: int) -> None:
         self.mode_chosen.emit(self.colour.itemData(row))

@@ -66,10 +66,50 @@ LOOKS: dict[Kind, Look] = {
 SIZE, RIM, HOLE = 11.0, 4.0, 5.0
 CHOSEN = 1.45
 LETTERS = 12
+# Where a label may stand, the best first: to the right or left, above or below.
+CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 # Nearer by this much of the depth buffer: enough to stand out of a surface, and no more.
 LIFT = -60_000.0
 # What VTK brings along has no Greek, no Cyrillic and few signs.
 FONT = Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+
+
+class _Tag:
+    """A label, and at which corner of its mark it stands."""
+
+    def __init__(
+        self,
+        place: NDArray[np.float64],
+        actor: Any,
+        selected: bool,
+        away: float,
+        wide: float,
+        tall: float,
+    ) -> None:
+        self.place, self.actor, self.selected = place, actor, selected
+        self.corner = CORNERS[0]
+        self._away, self._wide, self._tall = away, wide, tall
+
+    def box(
+        self, corner: tuple[int, int], pixel: NDArray[np.float64]
+    ) -> tuple[float, float, float, float]:
+        """Return left, bottom, right and top of the label at a corner, in the picture."""
+        x, y = pixel[0] + self._away * corner[0], pixel[1] + self._away * corner[1]
+        left = x if corner[0] > 0 else x - self._wide
+        bottom = y if corner[1] > 0 else y - self._tall
+        return left, bottom, left + self._wide, bottom + self._tall
+
+    def put(self, corner: tuple[int, int]) -> None:
+        """Stand at a corner."""
+        self.corner = corner
+        self.actor.GetPositionCoordinate().SetValue(self._away * corner[0], self._away * corner[1])
+        text = self.actor.GetTextProperty()
+        text.SetJustification(0 if corner[0] > 0 else 2)
+        text.SetVerticalJustification(0 if corner[1] > 0 else 2)
+
+
+def _meet(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 class Marks:
@@ -87,7 +127,7 @@ class Marks:
         window.AddRenderer(self._layer)
         self._ratio = ratio
         self._actors: list[Any] = []
-        self._labels: list[tuple[NDArray[np.float64], Any]] = []
+        self._labels: list[_Tag] = []
 
     def draw(self, markers: Sequence[Marker], origin: NDArray[np.float64]) -> None:
         """Draw these markers in place of those before; coordinates are local about `origin`."""
@@ -96,7 +136,7 @@ class Marks:
         for marker in markers:
             place = np.asarray(marker.xyz) - origin
             parts.setdefault((marker.kind, marker.selected), []).append(place)
-            self._labels.append((place, self._label(marker, place)))
+            self._labels.append(self._label(marker, place))
         for (kind, selected), places in parts.items():
             look = LOOKS[kind]
             size = SIZE * (CHOSEN if selected else 1.0)
@@ -110,8 +150,8 @@ class Marks:
         """Remove all markers."""
         for actor in self._actors:
             self._renderer.RemoveActor(actor)
-        for _, label in self._labels:
-            self._layer.RemoveViewProp(label)
+        for tag in self._labels:
+            self._layer.RemoveViewProp(tag.actor)
         self._actors, self._labels = [], []
 
     def close(self) -> None:
@@ -121,12 +161,35 @@ class Marks:
         if window is not None:
             window.RemoveRenderer(self._layer)
 
-    def hide_behind(self, is_ahead: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> None:
-        """Hide the labels of places behind the camera, which would show mirrored."""
-        if self._labels:
-            ahead = is_ahead(np.array([place for place, _ in self._labels]))
-            for (_, label), visible in zip(self._labels, ahead, strict=True):
-                label.SetVisibility(bool(visible))
+    def arrange(
+        self,
+        is_ahead: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
+        pixels: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    ) -> None:
+        """Put each label where it covers no other, and hide those of places behind the camera.
+
+        Parameters
+        ----------
+        is_ahead, pixels : callable
+            Say of local places, shape (n, 3), which lie ahead, and where they are in the picture.
+        """
+        if not self._labels:
+            return
+        places = np.array([tag.place for tag in self._labels])
+        ahead, there = is_ahead(places), pixels(places)
+        taken: list[tuple[float, float, float, float]] = []
+        # What is selected has the first choice.
+        for k in sorted(range(len(places)), key=lambda k: not self._labels[k].selected):
+            tag = self._labels[k]
+            tag.actor.SetVisibility(bool(ahead[k]))
+            if ahead[k]:
+                # The corner it has is tried first, or labels would jump as the view turns.
+                corners = sorted(CORNERS, key=lambda corner: corner != tag.corner)
+                boxes = [tag.box(corner, there[k]) for corner in corners]
+                free = (i for i, box in enumerate(boxes) if not any(_meet(box, b) for b in taken))
+                best = next(free, 0)
+                taken.append(boxes[best])
+                tag.put(corners[best])
 
     def _spots(
         self, places: NDArray[np.float64], width: float, colour: str, lift: float, is_round: bool
@@ -146,7 +209,7 @@ class Marks:
         self._renderer.AddActor(actor)
         self._actors.append(actor)
 
-    def _label(self, marker: Marker, place: NDArray[np.float64]) -> Any:
+    def _label(self, marker: Marker, place: NDArray[np.float64]) -> _Tag:
         there = vtkCoordinate()
         there.SetCoordinateSystemToWorld()
         there.SetValue(*place)
@@ -157,7 +220,6 @@ class Marks:
         at.SetCoordinateSystemToViewport()
         at.SetReferenceCoordinate(there)
         away = (SIZE * (CHOSEN if marker.selected else 1.0) / 2 + RIM + 1) * self._ratio
-        at.SetValue(away, away)
         look = LOOKS[marker.kind]
         text = label.GetTextProperty()
         if FONT.exists():
@@ -168,4 +230,7 @@ class Marks:
         text.SetBackgroundColor(*pv.Color("black" if marker.selected else look.colour).float_rgb)
         text.SetBackgroundOpacity(0.9)
         self._layer.AddViewProp(label)
-        return label
+        tall = 1.5 * LETTERS * self._ratio
+        tag = _Tag(place, label, marker.selected, away, 0.55 * tall * (len(marker.label) + 2), tall)
+        tag.put(CORNERS[0])
+        return tag

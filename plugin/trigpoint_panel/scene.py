@@ -358,7 +358,7 @@ class Scene:
     def _draw_markers(self) -> None:
         if self._marks is not None:
             self._marks.draw(self._markers, self.origin)
-            self._marks.hide_behind(self._is_ahead)
+            self._marks.arrange(self._is_ahead, self._project)
 
     # The camera
 
@@ -433,6 +433,10 @@ class Scene:
         needed = 2 * MARGIN * max(float(half.max()), 1e-6)
         self.camera = camera.looking_at(self.origin + middle @ axes, needed)
 
+    def resized(self) -> None:
+        """Arrange the labels anew, for a picture of another size."""
+        self._aim()
+
     def _aim(self) -> None:
         if self._plotter is None:
             return
@@ -441,7 +445,7 @@ class Scene:
         self._resize_points()
         self.renderer.ResetCameraClippingRange()
         if self._marks is not None:
-            self._marks.hide_behind(self._is_ahead)
+            self._marks.arrange(self._is_ahead, self._project)
 
     def _is_ahead(self, local: NDArray[np.float64]) -> NDArray[np.bool_]:
         position = np.subtract(self._camera.position, self.origin)

@@ -442,6 +442,7 @@ class CloudView(QtWidgets.QWidget):
         if self.canvas is not None:
             if self.canvas.geometry() != area:
                 self.canvas.setGeometry(area)
+                self.scene.resized()
             if self.devicePixelRatioF() != self._ratio:
                 # The window has moved to a screen of another density.
                 self._ratio = self.devicePixelRatioF()

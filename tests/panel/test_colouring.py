@@ -91,3 +91,11 @@ def test_classes_are_named_and_only_those_there_are():
     cloud = column(classification=np.repeat([2, 6, 64, 2], 250).astype(np.uint8))
     _, legend = colouring.coloured(cloud, "class", up=UP)
     assert [name for _, name in legend.swatches] == ["ground", "building", "class 64"]
+
+
+def test_points_without_a_distance_are_said_to_have_none():
+    distances = np.full(1000, np.nan)
+    colours, legend = colouring.coloured(column(), "distance", up=UP, distances=distances)
+    assert legend.swatches[-1] == ("#000000", "none measured")
+    assert (colours == 0).all()
+    assert colouring.distance_legend().swatches == legend.swatches[:1]

@@ -178,6 +178,24 @@ def test_a_label_is_seen_through_the_cloud_and_not_from_behind_the_camera(scene,
     assert share_of(shot(plotter), ORANGE) == 0
 
 
+def test_labels_of_neighbours_do_not_cover_each_other(scene):
+    row = scene.pick_at(200, 120)
+    place = scene.coordinates(row)
+    near = [Marker((place[0] + 0.1 * k, place[1], place[2]), f"P{k}") for k in range(4)]
+    scene.set_markers([*near[:3], Marker(near[3].xyz, "P3", selected=True)])
+    tags = scene._marks._labels
+    corners = [tag.corner for tag in tags]
+    assert len(set(corners)) == 4
+    assert tags[3].corner == (1, 1)
+    boxes = [tag.box(tag.corner, scene.project(tag.place + scene.origin)) for tag in tags]
+    for k, one in enumerate(boxes):
+        for other in boxes[:k]:
+            apart = one[0] >= other[2] or other[0] >= one[2]
+            assert apart or one[1] >= other[3] or other[1] >= one[3]
+    scene.camera = scene.camera.orbited(2, 0)
+    assert [tag.corner for tag in tags] == corners
+
+
 def test_an_overlay_lies_on_the_cloud_that_it_was_made_from(scene, plotter, similarity_from):
     fit = similarity_from(3, np.array([741_000.0, 4_279_000.0, 150.0]))
     source = cloud_from(fit.inverse()(scene.cloud.coordinates))

@@ -420,6 +420,15 @@ def test_the_header_says_what_is_shown(shown, opened_tower):
     assert not view.legend.isVisible()
 
 
+@pytest.mark.parametrize(("wide", "tools"), [(600, 5), (400, 4), (320, 3), (250, 2)])
+def test_a_narrow_header_keeps_the_name_and_drops_what_has_keys(shown, opened_tower, wide, tools):
+    view = shown(opened=opened_tower(2000), size=(wide, 300))
+    header = view.header
+    parts = (header.colour, header.more, header.fit, header.eye_dome, header.size_slider)
+    assert sum(part.isVisible() for part in parts) == tools
+    assert header.label.width() >= 60
+
+
 def test_dark_follows_the_palette(shown, opened_tower):
     view = shown(opened=opened_tower(2000))
     palette = view.palette()
