@@ -45,6 +45,11 @@ class Tab(QScrollArea):
         self.column.setSpacing(6)
         self.setWidget(self.inside)
 
+    @property
+    def needed(self) -> int:
+        """Width below which something of it would be cut off."""
+        return self.inside.minimumSizeHint().width() + self.verticalScrollBar().sizeHint().width()
+
     def change(self, take: Callable[..., object], **changes: object) -> None:
         """Change settings, and tell it if they can't be."""
         try:

@@ -50,6 +50,7 @@ from trigpoint_panel.view import Picked
 from trigpoint_panel.views import TwoViews
 
 AUTOSAVE_MS = 400
+NO_BREAK = "\N{NO-BREAK SPACE}"
 OPACITY = 0.6  # of the overlay, at first
 SIZES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # of points, in pixels
 
@@ -238,13 +239,14 @@ class Panel(QWidget):
     def _lay_out(self) -> None:
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
-        self.tabs.setMinimumWidth(290)
         for name, tab in (
             ("Align", self.align_tab),
             ("Errors", self.errors_tab),
             ("Report", self.report_tab),
         ):
             self.tabs.addTab(tab, name)
+        widest = max(tab.needed for tab in (self.align_tab, self.errors_tab, self.report_tab))
+        self.tabs.setMinimumWidth(widest)
         under = QWidget(self)
         column = QVBoxLayout(under)
         column.setContentsMargins(0, 0, 0, 0)
@@ -263,7 +265,7 @@ class Panel(QWidget):
         self.across.addWidget(self.tabs)
         self.across.setStretchFactor(0, 1)
         self.across.setStretchFactor(1, 0)
-        self.across.setSizes([1030, 336])
+        self.across.setSizes([1030, max(336, widest)])
         self.across.setCollapsible(0, False)
         whole = QVBoxLayout(self)
         whole.setContentsMargins(0, 0, 0, 0)
@@ -551,19 +553,21 @@ class Totals(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(8, 3, 8, 3)
         row.setSpacing(14)
-        self.control, self.check, self.loo, self.layout_verdict = (QLabel(self) for _ in range(4))
-        for label in (self.control, self.check, self.loo):
-            row.addWidget(label)
-        row.addStretch(1)
+        self.numbers, self.layout_verdict = QLabel(self), QLabel(self)
+        self.numbers.setWordWrap(True)  # in a narrow dock they take two lines
+        row.addWidget(self.numbers, 1)
         row.addWidget(self.layout_verdict)
 
     def refresh(self, model: Model) -> None:
         """Take over what the model holds now."""
         fit = model.fit
         used = int(fit.table["used"].sum())
-        self.control.setText(f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})")
-        self.check.setText(f"check {_metres(fit.check_rmse_m)} ({fit.checks})")
-        self.loo.setText(f"leave-one-out {_metres(fit.loocv_rmse_m)}")
+        parts = (
+            f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})",
+            f"check {_metres(fit.check_rmse_m)} ({fit.checks})",
+            f"leave-one-out {_metres(fit.loocv_rmse_m)}",
+        )
+        self.numbers.setText("   ".join(part.replace(" ", NO_BREAK) for part in parts))
         words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
         levels = {"sound": "success", "weak": "warning", "refused": "error"}
         say(self.layout_verdict, words.get(fit.geometry, ""), levels.get(fit.geometry, ""))

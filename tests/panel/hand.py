@@ -3,7 +3,8 @@
 import time
 
 import numpy as np
-from qtpy.QtCore import QPoint, Qt
+from qtpy.QtCore import QEvent, QPoint, QPointF, Qt
+from qtpy.QtGui import QMouseEvent
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication
 
@@ -75,7 +76,13 @@ class Hand:
         start = surface.rect().center()
         QTest.mousePress(surface, LEFT, NONE, start)
         for step in range(1, 5):
-            QTest.mouseMove(surface, start + QPoint(*by) * step / 4)
+            # Qt 5's QTest.mouseMove holds no button down.
+            here = QPointF(start + QPoint(*by) * step / 4)
+            there = QPointF(surface.mapToGlobal(here.toPoint()))
+            moved = QMouseEvent(
+                QEvent.Type.MouseMove, here, there, Qt.MouseButton.NoButton, LEFT, NONE
+            )
+            QApplication.sendEvent(surface, moved)
         QTest.mouseRelease(surface, LEFT, NONE, start + QPoint(*by))
         QApplication.processEvents()
 

@@ -111,7 +111,9 @@ def test_the_whole_story(hand, site, tmp_path, monkeypatch):
         assert (model.fit.similarity is not None) == (count >= 3)
     assert abs(model.fit.similarity.scale - scene.truth.scale) < 0.1
     assert "6 control, 0 check" in panel.line.text
-    assert panel.totals.control.text().startswith("RMSE control 0.")
+    assert panel.totals.numbers.text().startswith(
+        "RMSE\N{NO-BREAK SPACE}control\N{NO-BREAK SPACE}0."
+    )
     assert panel.table.cell("P1", "d_m")
 
     # A drag turns the view and picks nothing.
