@@ -66,8 +66,8 @@ LOOKS: dict[Kind, Look] = {
 SIZE, RIM, HOLE = 11.0, 4.0, 5.0
 CHOSEN = 1.45
 LETTERS = 12
-# Where a label may stand, the best first: to the right or left, above or below.
-CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+# Where a label may stand, the best first: to the right or left, above or below, near or further.
+CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 3), (-1, 3), (1, -3), (-1, -3))
 # Nearer by this much of the depth buffer: enough to stand out of a surface, and no more.
 LIFT = -60_000.0
 # What VTK brings along has no Greek, no Cyrillic and few signs.
