@@ -80,7 +80,7 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 # What has no wheel on this machine is left out: its tests skip and say so.
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
-	@$(call find_missing,$(TEST_LIBRARIES) $(PANEL_LIBRARIES)); $(call install_system_packages,echo "What needs them, the panel and the comparisons with Open3D, is skipped." >&2)
+	@$(call find_missing,$(TEST_LIBRARIES) $(PANEL_LIBRARIES)); $(call install_system_packages,echo "The panel and the comparisons with Open3D are skipped where they need them." >&2)
 	$(PIP) -e ".[dev]"
 	@for oracle in $$($(BIN)/python -c 'import tomllib; print(*(r.split(";")[0].replace(" ", "") for r in tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["oracles"]))'); do \
 	  $(PIP) --only-binary :all: "$$oracle" || echo "No wheel of $$oracle here: its comparisons are skipped." >&2; \
