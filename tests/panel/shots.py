@@ -11,7 +11,7 @@ import numpy as np
 from hand import Hand
 from qtpy.QtCore import QSettings, Qt
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QApplication
+from qtpy.QtWidgets import QApplication, QLineEdit
 
 from trigpoint.synthetic import clock_tower, write_project
 from trigpoint_panel.style import apply_theme
@@ -34,6 +34,7 @@ class Shots:
         self.window.host.open_document = lambda _: None
         self.window.resize(*SIZES[size])
         self.window.show()
+        self.window.activateWindow()
         self.hand = Hand(self.window)
         self.panel, self.model = self.window.panel, self.window.panel.model
         self.count = 0
@@ -128,7 +129,8 @@ class Shots:
         self.keep("second-operator")
         panel.action("second_cancel").trigger()
         hand.key(Qt.Key.Key_Insert, widget=panel.table)
-        QTest.keyClicks(QApplication.focusWidget(), "1.25 0.5")
+        typing = panel.table.viewport().findChild(QLineEdit)
+        QTest.keyClicks(typing, "1.25 0.5")
         self.keep("typing")
         panel.action("help").trigger()
         hand.rest(0.2)
