@@ -1,7 +1,8 @@
 #!/bin/bash
 # Puts QGIS 3.40 on a Debian 12, and beside it the environment that the plugin's tests run in.
 #
-#   .ci/qgis.sh ENVIRONMENT        then ENVIRONMENT/bin/python-beside-qgis pytest tests/qgis
+#   .ci/qgis.sh ENVIRONMENT
+#   PYTHONPATH=core:reporting:plugin:templates ENVIRONMENT/bin/python-beside-qgis pytest tests/qgis
 #
 # QGIS comes from bookworm-backports. The environment belongs to the same Python as PyQGIS, sees
 # the system's packages and keeps its numpy and scipy, as the plugin's own installer does.
@@ -65,6 +66,7 @@ fi
 beside=$environment/bin/python-beside-qgis
 cat > "$beside" <<EOS
 #!/bin/bash
+export TRIGPOINT_QGIS_ENVIRONMENT=$environment
 [ -n "\${DISPLAY:-}" ] || export QT_QPA_PLATFORM=\${QT_QPA_PLATFORM:-offscreen}
 exec /usr/bin/python3 -c 'import runpy, site, sys
 site.addsitedir("$("$python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')")

@@ -26,7 +26,7 @@ def main(arguments: list[str]) -> None:
     if how == "-m":
         runpy.run_module(what, run_name="__main__", alter_sys=True)
     elif how == "-c":
-        exec(compile(what, "<code>", "exec"), {"__name__": "__main__"})  # nosec B102: our own text
+        exec(what, {"__name__": "__main__"})  # nosec B102
     else:
         sys.exit(f"beside.py: {how} is neither -m nor -c")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import signal
-import subprocess  # nosec B404: the interpreter of the environment beside QGIS, never a shell
+import subprocess  # nosec B404
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -41,7 +41,8 @@ def run(
     merged : bool
         Standard output is told line by line instead of returned.
     """
-    process = subprocess.Popen(  # nosec B603: a list of arguments, no shell
+    # A list of arguments, and never a shell.
+    process = subprocess.Popen(  # nosec B603
         list(arguments),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

@@ -52,7 +52,9 @@ class TrigpointDock(QDockWidget):
         if settings.value("trigpoint/dock/floating", True, type=bool):
             self.setFloating(True)
             if geometry is None or not self.restoreGeometry(geometry):
-                self.resize(FLOATING.boundedTo(self.screen().availableSize()))
+                free = self.screen().availableGeometry()
+                self.resize(FLOATING.boundedTo(free.size()))
+                self.move(free.center() - self.rect().center())
 
     def showEvent(self, event: Any) -> None:
         """Fill the dock the first time, once it has the window that it will be drawn in.
@@ -108,12 +110,10 @@ class TrigpointDock(QDockWidget):
         try:
             deps.load()
             from trigpoint_panel.panel import Panel
-
             from trigpoint_qgis.host import QgisHost
 
             self.host = QgisHost(self, self.bar)
-            canvas = str(QgsSettings().value("trigpoint/canvas", "auto"))
-            self.panel = Panel(self.host, parent=self.widget(), canvas=canvas)
+            self.panel = Panel(self.host, parent=self.widget(), canvas=_canvas())
         except Exception as error:  # the dock must open: it is where the user learns of it
             QgsApplication.messageLog().logMessage(
                 traceback.format_exc(), "Trigpoint", Qgis.MessageLevel.Critical
@@ -130,3 +130,14 @@ class TrigpointDock(QDockWidget):
     def tr(self, text: str) -> str:
         """Translate."""
         return QCoreApplication.translate("Trigpoint", text)
+
+
+def _canvas() -> str:
+    """Return what clouds are drawn with: what the user chose, else what survives floating.
+
+    Where QGIS shares no OpenGL contexts (3.22) a view loses all it has drawn when it changes
+    windows, and QGIS crashes when it is painted next.
+    """
+    chosen = str(QgsSettings().value("trigpoint/canvas", "auto"))
+    shared = QCoreApplication.testAttribute(Qt.ApplicationAttribute.AA_ShareOpenGLContexts)
+    return "image" if chosen == "auto" and not shared else chosen

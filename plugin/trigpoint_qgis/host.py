@@ -71,7 +71,7 @@ class QgisHost:
             QgsApplication.messageLog().logMessage(f"{text}\n{details}", "Trigpoint", LEVELS[level])
         for title, action in actions:
             button = QPushButton(title, item)
-            button.clicked.connect(lambda _checked=False, act=action: act())
+            button.clicked.connect(lambda _checked=False, act=action: self._answered(item, act))
             item.layout().addWidget(button)
         self._bar.pushWidget(item, LEVELS[level], SECONDS[level])
 
@@ -113,7 +113,7 @@ class QgisHost:
 
     def add_layer(self, path: Path, kind: str) -> None:
         """Add a result to the map."""
-        results.add(Path(path), kind)
+        results.add(Path(path), kind, lambda text: self.message("warning", text))
 
     def open_document(self, path: Path) -> None:
         """Open a finished document with what the desktop opens such with."""
@@ -132,6 +132,10 @@ class QgisHost:
                 task.job.cancel()
                 task.waitForFinished(2000)
         self._tasks.clear()
+
+    def _answered(self, item: Any, action: Callable[[], object]) -> None:
+        self._bar.popWidget(item)
+        action()
 
     def _details(self, text: str, details: str) -> None:
         from qgis.core import QgsMessageOutput

@@ -35,7 +35,7 @@ FAULTS = (
         "There is no way to the package index (pypi.org): is this machine on the network?",
     ),
     (
-        r"No module named '?(ensurepip|venv|pip)\b|ensurepip is not available",
+        r"No module named '?(ensurepip|venv|pip)\b|ensurepip is not\s+available",
         "This Python can't make environments: install its venv and pip (on Debian and Ubuntu: "
         "apt install python3-venv), then try again.",
     ),

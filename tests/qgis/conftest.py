@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 DRIVERS = Path(__file__).with_name("drivers")
 collect_ignore = ["drivers"]  # programs that run inside QGIS
-ENVIRONMENT = Path(os.environ.get("TRIGPOINT_QGIS_ENVIRONMENT", "/opt/trigpoint-qgis"))
+ENVIRONMENT = os.environ.get("TRIGPOINT_QGIS_ENVIRONMENT")
 
 try:
     import qgis.core
@@ -61,15 +61,18 @@ def archive(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def real_qgis():
-    """Skip where there is no QGIS to start, or no environment beside it."""
+    """Return the environment beside a QGIS that can be started, or skip with the reason.
+
+    Where it is named, it must be there: a test that skips in silence tests nothing.
+    """
+    if not ENVIRONMENT:
+        pytest.skip("TRIGPOINT_QGIS_ENVIRONMENT is not set: it names what .ci/qgis.sh made")
     for program in ("qgis", "qgis_process", "xvfb-run", "unshare"):
-        if shutil.which(program) is None:
-            pytest.skip(f"{program} is not installed; .ci/qgis.sh installs it")
-    if not (ENVIRONMENT / "bin" / "python").exists():
-        pytest.skip(f"there is no environment {ENVIRONMENT}; .ci/qgis.sh makes it")
-    if subprocess.run(["unshare", "-n", "true"], capture_output=True, check=False).returncode:
-        pytest.skip("no network namespace can be made here: these tests run without network")
-    return ENVIRONMENT
+        assert shutil.which(program), f"{program} is not installed; .ci/qgis.sh installs it"
+    assert (Path(ENVIRONMENT) / "bin" / "python").exists(), f"{ENVIRONMENT} is no environment"
+    alone = subprocess.run(["unshare", "-n", "true"], capture_output=True, check=False)
+    assert alone.returncode == 0, "no network namespace can be made here"
+    return Path(ENVIRONMENT)
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ PYTHON = sys.executable
         ("OSError: [Errno 28] No space left on device", "disk is full"),
         ("NewConnectionError: Failed: [Errno -3] Temporary failure in name resolution", "network"),
         ("No module named ensurepip", "python3-venv"),
+        ("because ensurepip is not\navailable.  On Debian/Ubuntu", "python3-venv"),
         ("/usr/bin/python3: No module named venv", "python3-venv"),
         ("PermissionError: [Errno 13] Permission denied: '/opt/x'", "can't be written"),
         ("ERROR: No matching distribution found for vtk>=9.4.2", "no build"),

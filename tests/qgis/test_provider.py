@@ -1,6 +1,7 @@
 """The provider and its algorithms inside QGIS's own Python."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -206,6 +207,28 @@ def test_a_bundle_is_drawn_beside_it_and_shown_in_a_group(bundle, qgis_new_proje
     assert {feature["used"] for feature in picks.getFeatures()} == {"yes", "no"}
     # Drawn again, over what is open: nothing is locked.
     assert len(results.draw(bundle, cell=2.0)) == 8
+
+
+def waited_for(true, seconds=60):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, "it took too long"
+        QgsApplication.processEvents()
+        time.sleep(0.01)
+
+
+def test_the_panel_s_audit_is_put_on_the_map_by_a_task(bundle, qgis_new_project):  # noqa: ARG001
+    results.add(bundle, "bundle")
+    waited_for(lambda: len(QgsProject.instance().mapLayers()) == 8)
+    (group,) = QgsProject.instance().layerTreeRoot().findGroups()
+    assert bundle.name in group.name()
+
+
+def test_what_can_t_be_put_on_the_map_is_told(tmp_path, qgis_new_project):  # noqa: ARG001
+    told = []
+    results.add(tmp_path / "none.laz", "cloud", told.append)
+    waited_for(lambda: told)
+    assert "none.laz can't be put on the map" in told[0]
 
 
 def test_the_footprint_of_a_cloud_is_drawn_beside_it(small_project):
