@@ -6,7 +6,7 @@ import numpy as np
 from qtpy.QtCore import QEvent, QPoint, QPointF, Qt
 from qtpy.QtGui import QMouseEvent
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QApplication
+from qtpy.QtWidgets import QApplication, QLineEdit
 
 LEFT = Qt.MouseButton.LeftButton
 NONE = Qt.KeyboardModifier.NoModifier
@@ -21,6 +21,18 @@ class Hand:
     def __init__(self, window):
         self.window = window
         self.panel = window.panel
+
+    def come_to_the_front(self):
+        """Show the window, and have the keys go to it; a display may need asking twice."""
+        self.window.show()
+
+        def active():
+            self.window.raise_()
+            self.window.activateWindow()
+            QApplication.processEvents()
+            return self.window.isActiveWindow()
+
+        self.until(active, 20)
 
     def until(self, true, seconds=60.0):
         """Let events run until something holds."""
@@ -100,7 +112,7 @@ class Hand:
         table = self.panel.table
         table.setFocus()
         self.key(Key.Key_F2, widget=table)
-        editor = QApplication.focusWidget()
+        (editor,) = [each for each in table.findChildren(QLineEdit) if each.isVisible()]
         editor.selectAll()
         QTest.keyClicks(editor, text)
         QTest.keyClick(editor, Key.Key_Return)

@@ -33,9 +33,8 @@ class Shots:
         self.window = Window(settings, scratch=scratch)
         self.window.host.open_document = lambda _: None
         self.window.resize(*SIZES[size])
-        self.window.show()
-        self.window.activateWindow()
         self.hand = Hand(self.window)
+        self.hand.come_to_the_front()
         self.panel, self.model = self.window.panel, self.window.panel.model
         self.count = 0
 
@@ -129,8 +128,8 @@ class Shots:
         self.keep("second-operator")
         panel.action("second_cancel").trigger()
         hand.key(Qt.Key.Key_Insert, widget=panel.table)
-        typing = panel.table.viewport().findChild(QLineEdit)
-        QTest.keyClicks(typing, "1.25 0.5")
+        (editor,) = [each for each in panel.table.findChildren(QLineEdit) if each.isVisible()]
+        QTest.keyClicks(editor, "1.25 0.5")
         self.keep("typing")
         panel.action("help").trigger()
         hand.rest(0.2)

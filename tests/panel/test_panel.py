@@ -103,7 +103,9 @@ def panel(qtbot, host, tmp_path):
     made = Panel(host, scratch=tmp_path / "scratch", canvas="image")
     qtbot.addWidget(made, before_close_func=lambda each: each.shutdown())
     made.resize(1200, 700)
-    made.show()
+    with qtbot.waitActive(made):  # keys find an active window only
+        made.show()
+        made.activateWindow()
     yield made
     assert host.shutdown()
 

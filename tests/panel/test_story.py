@@ -40,17 +40,16 @@ def site(tmp_path_factory):
 
 
 @pytest.fixture
-def hand(qtbot, tmp_path):
+def hand(qapp, tmp_path):
     """A hand over a fresh window."""
+    assert qapp is not None
     from trigpoint_panel.window import Window
 
     settings = QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat)
     window = Window(settings, scratch=tmp_path / "scratch")
     window.resize(1366, 768)
-    with qtbot.waitExposed(window):
-        window.show()
-    window.activateWindow()
     made = load_hand().Hand(window)
+    made.come_to_the_front()
     yield made
     window.panel.session.discard_autosave()
     assert window.end()

@@ -5,7 +5,7 @@ pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc
 
 from qtpy.QtCore import Qt
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QApplication
+from qtpy.QtWidgets import QApplication, QLineEdit
 
 from trigpoint.similarity import Similarity
 from trigpoint_panel.model import Model
@@ -90,8 +90,9 @@ def test_coordinates_are_typed_by_keyboard_alone(table, model):
     for key, text in zip(("source_x", "source_y", "source_z"), ("4", "4.5", "6"), strict=True):
         table.setCurrentIndex(table.index_of("P8", key))
         QTest.keyClick(table, Qt.Key.Key_Return)
-        QTest.keyClicks(QApplication.focusWidget(), text)
-        QTest.keyClick(QApplication.focusWidget(), Qt.Key.Key_Return)
+        (editor,) = [each for each in table.findChildren(QLineEdit) if each.isVisible()]
+        QTest.keyClicks(editor, text)
+        QTest.keyClick(editor, Qt.Key.Key_Return)
         QApplication.processEvents()
     assert model.pairs[-1].source == (4.0, 4.5, 6.0)
     assert model.pairs[-1].is_half_open
