@@ -273,8 +273,7 @@ class Panel(QWidget):
         whole.addWidget(self.bar)
         whole.addWidget(self.across, 1)
         line = QFrame(self)
-        line.setFrameShape(QFrame.Shape.HLine)
-        line.setFrameShadow(QFrame.Shadow.Plain)
+        line.setObjectName("rule")
         line.setFixedHeight(1)
         whole.addWidget(line)
         whole.addWidget(self.foot)
@@ -355,6 +354,7 @@ class Panel(QWidget):
         self.report_tab.document_wanted.connect(self.host.open_document)
         for tab in (self.align_tab, self.errors_tab, self.report_tab):
             tab.refused.connect(partial(self.host.message, "error"))
+        self.action("overlay").toggled.connect(lambda _: self._show_state())
         self.foot.changed.connect(self._show_state)
         self.foot.went_on.connect(lambda: self.foot.show_line(self.line))
 

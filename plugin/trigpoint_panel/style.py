@@ -136,6 +136,7 @@ def sheet(look: Look) -> str:
     QSplitter::handle:horizontal {{ width: 3px; }}
     QSplitter::handle:vertical {{ height: 3px; }}
     QSplitter::handle:hover {{ background: {look.accent}; }}
+    #rule {{ background: {look.line}; }}
     QLabel[role="heading"] {{ font-weight: 600; }}
     QLabel[role="faint"] {{ color: {look.faint}; }}
     QLabel[level="success"] {{ color: {look.success}; }}

@@ -156,6 +156,17 @@ def test_linking_ends_with_the_fit(panel):
     assert not panel.action("link").isChecked()
 
 
+def test_an_overlay_can_be_swapped_and_ends_with_the_fit(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    assert not panel.action("swap").isEnabled()
+    panel.action("overlay").setChecked(True)
+    assert panel.action("swap").isEnabled()
+    panel.model.delete({pair.id for pair in panel.model.pairs[:5]})
+    assert not panel.action("overlay").isChecked()
+    assert not panel.action("swap").isEnabled()
+
+
 def test_escape_cancels_then_drops_then_leaves_picking(panel, qtbot):
     feed(panel, 3)
     panel.action("pick").setChecked(True)
