@@ -83,7 +83,10 @@ def pixel(view, xyz):
 
 def inked(view):
     picture = view.screenshot().convertToFormat(QtGui.QImage.Format.Format_RGB888)
-    rows = np.frombuffer(bytes(picture.constBits()), np.uint8)
+    bits = picture.constBits()
+    if hasattr(bits, "setsize"):  # PyQt hands out a pointer that knows no end
+        bits.setsize(picture.sizeInBytes())
+    rows = np.frombuffer(bytes(bits), np.uint8)
     rows = rows.reshape(picture.height(), picture.bytesPerLine())[:, : 3 * picture.width()]
     ground = np.round(255 * np.array(view.scene.background))
     pixels = rows.reshape(picture.height(), picture.width(), 3).astype(int)
