@@ -69,8 +69,7 @@ def test_every_number_that_the_tables_determine_is_counted_again(evidence):
         "Accuracy by zone, delivered",
         "Completeness by zone, delivered",
     ]
-    assert all(counted == agree for _, _, counted, agree in table.rows)
-    assert table.rows[3][2] == "16"
+    assert [row[1] for row in table.rows] == ["2 of 2", "2 of 2", "1 of 1", "16 of 16", "16 of 16"]
 
 
 @pytest.mark.parametrize(

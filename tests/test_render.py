@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trigpoint_reporting.blocks import Passage, Picture, Table, Value
-from trigpoint_reporting.render import heading, show, to_html, to_text
+from trigpoint_reporting.render import heading, show, side_by_side, to_html, to_text
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -180,3 +180,28 @@ def test_blocks_are_shown_as_html_and_as_text():
 
 def test_a_heading_is_below_those_of_the_sections():
     assert heading("<b>")._repr_html_() == "<h3>&lt;b&gt;</h3>"
+
+
+def narrow(caption, rows=3):
+    return Table(caption, ("Item", "Value"), [(f"row {k}", "1.5") for k in range(rows)])
+
+
+def test_narrow_tables_stand_side_by_side_in_pairs_and_a_lone_one_does_not():
+    text = Passage(("words",))
+    wide = Table("wide", ("Item", "Meaning"), [("a", "a sentence of many words " * 5)])
+    blocks = [narrow("a"), narrow("b"), narrow("c"), text, narrow("d"), wide, narrow("e")]
+    assert side_by_side(blocks) == {0}
+    page = show(*blocks).html
+    assert page.count("half") == 2
+    assert 'aria-label="c"' in page.split("half")[2]
+    assert side_by_side([narrow("a"), narrow("b", rows=40)]) == set()
+    assert side_by_side([narrow("a"), narrow("b"), narrow("c"), narrow("d")]) == {0, 2}
+
+
+def test_a_field_of_several_parts_keeps_each_numbers_path():
+    interval = (Value("0.5", "a.low"), " [", Value("0.4", "a.b"), " to <", Value("0.6", ""), "]")
+    shown = show(Table("t", ("Zone", "RMSE"), [("all", interval)]))
+    assert '<data value="0.5" data-path="a.low">0.5</data> [<data' in shown.html
+    assert "to &lt;0.6]" in shown.html
+    assert '<td class="number">' in shown.html
+    assert "0.5 [0.4 to <0.6]" in shown.text

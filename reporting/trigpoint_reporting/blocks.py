@@ -24,6 +24,8 @@ class Value:
 
 
 Cell = str | Value
+# What stands in one field of a table: a cell, or several in turn, as a value with its interval.
+Entry = Cell | tuple[Cell, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class Table:
 
     caption: str
     columns: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
+    rows: Sequence[Sequence[Entry]]
     note: Sequence[Cell] = field(default_factory=tuple)
 
 

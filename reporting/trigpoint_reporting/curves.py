@@ -38,7 +38,6 @@ TOLD = {
     "accuracy": "of the reconstruction's points",
     "completeness": "of the reference's points",
 }
-AWAY = {"accuracy": "to the reference", "completeness": "to the reconstruction"}
 
 
 def accuracy_curves(evidence: Evidence) -> Picture | Passage:
@@ -85,9 +84,9 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
     limits = np.linspace(0.0, LIMIT_M, STEPS)
     voxel = evidence.results["project"]["settings"]["comparison"]["voxel_m"]
     split = {name: _by_own_zone(evidence, name, direction, zones[1:]) for name in names}
-    columns = 2 if len(zones) > 1 else 1
+    columns = min(4, len(zones))
     lines = -(-len(zones) // columns)
-    with canvas(16 + 54 * lines) as figure:
+    with canvas(18 + 50 * lines) as figure:
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         for axes in panels.flat[len(zones) :]:
             axes.set_visible(False)
@@ -111,13 +110,14 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
                 )
             count = _count(rows, zone)
             axes.set_title("All" if zone == "all" else zone.replace("_", " ").capitalize())
-            axes.set_title(count, loc="right", fontweight="normal", fontsize=7)
+            axes.text(0.97, 0.04, count, transform=axes.transAxes, ha="right", fontsize=6.5)
             axes.set_xlim(0, LIMIT_M)
+            axes.set_xticks([0, 0.2, 0.4])
             axes.set_ylim(0, 100)
             axes.grid(True)
             axes.tick_params(labelbottom=True)
         for axes in panels[-1]:
-            axes.set_xlabel(f"distance {AWAY[direction]}, metres")
+            axes.set_xlabel("distance, metres")
         figure.supylabel(f"% {TOLD[direction]}", fontsize=8)
         handles: list[Any] = [_handle(styles[name], shown[name]) for name in names]
         handles.append(
@@ -247,7 +247,7 @@ def _beside(axes: Axes, value: float, left: float, right: float, at: float) -> N
 def _count(rows: Mapping[str, Any], zone: str) -> str:
     counts = [f"{each[zone]['n']:,}" for each in rows.values()]
     # The reference is the same for all of them.
-    return f"n = {counts[0] if len(set(counts)) == 1 else '; '.join(counts)}"
+    return f"n = {counts[0]}" if len(set(counts)) == 1 else "\n".join(["n =", *counts])
 
 
 def _handle(line: Any, label: str, *, joined: bool = True) -> Line2D:

@@ -29,8 +29,8 @@ AROUND_M = 1.0
 POINT = 1.5
 # Pixels over which a nearer surface darkens the one behind it.
 SHADOW = 3
-# Height in pixels of a sheet that shares its page.
-HALF = 1500
+# Height in pixels of a sheet that shares its page with another, or with two.
+HALF, THIRD = 1150, 800
 
 
 def rgb(colour: str) -> Colours:
@@ -194,7 +194,7 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     titles = [*labels(list(drawn)), *labels([given])]
     notes = [*map("\n".join, told), "the reference, shaded"]
     panels = [site.panel(side, title, note) for title, note in zip(titles, notes, strict=True)]
-    plan = lay_out(panels, tallest=HALF)
+    plan = lay_out(panels, tallest=THIRD)
     pictures = [
         site.picture(cloud, side, plan, distance_colours(_distances(cloud)))
         for cloud in drawn.values()

@@ -18,7 +18,7 @@ from trigpoint_reporting import recount
 from trigpoint_reporting.blocks import Block, Passage, Table
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.outline import Section
-from trigpoint_reporting.render import printable
+from trigpoint_reporting.render import printable, side_by_side
 from trigpoint_reporting.viewer import viewer_html
 
 Cell = dict[str, Any]
@@ -89,21 +89,20 @@ def _shown(evidence: Evidence, section: Section) -> Iterator[Cell]:
     if not (section.per_reconstruction or own):
         return
     for position, name in enumerate(evidence.names):
-        start = f"{section.id}-{position}"
-        chosen = f"name = evidence.names[{position}]\nheading(name)"
-        yield _code(start, chosen, "heading")
-        drawn = True
-        if section.per_reconstruction:
-            blocks = section.function(evidence, name)
+        start, chosen = f"{section.id}-{position}", f"name = evidence.names[{position}]"
+        blocks = section.function(evidence, name) if section.per_reconstruction else []
+        # Where words say why there is no table, a heading and a figure would say it again.
+        said = section.per_reconstruction and not any(isinstance(block, Table) for block in blocks)
+        if said:
+            yield _code(start, f"{chosen}\nshow(*{source}(evidence, name))", "table")
+        else:
+            yield _code(start, f"{chosen}\nheading(name)", "heading")
             yield from _tables(blocks, f"{source}(evidence, name)", start)
-            # Where words say why there is no table, a figure would say it again.
-            drawn = any(isinstance(block, Table) for block in blocks)
-        if drawn:
             yield from _figures(own, start, "evidence, name")
 
 
 def _tables(blocks: Sequence[Block], source: str, start: str) -> Iterator[Cell]:
-    """Yield a cell for each table, with the text before it."""
+    """Yield the cells that show blocks."""
     for number, (first, last) in enumerate(_groups(blocks)):
         lines = [] if number else [f"blocks = {source}"]
         several = f"*blocks[{first}:{last}]"
@@ -123,9 +122,10 @@ def _takes_a_name(figure: Figure) -> bool:
 
 
 def _groups(blocks: Sequence[Block]) -> Iterator[tuple[int, int]]:
-    first = 0
+    """Yield where each cell's blocks begin and end: a table or two, and what leads."""
+    first, beside = 0, side_by_side(blocks)
     for position, block in enumerate(blocks, 1):
-        if not isinstance(block, Passage) or position == len(blocks):
+        if position == len(blocks) or not (isinstance(block, Passage) or position - 1 in beside):
             yield first, position
             first = position
 

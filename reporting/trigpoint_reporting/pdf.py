@@ -18,6 +18,7 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
 from trigpoint.errors import MissingPackageError, TrigpointError
+from trigpoint_reporting.palettes import palette_images
 from trigpoint_templates import FOLDER, FONTS, PRINT_CSS
 
 Variant = Literal["a-3a", "a-2a"]
@@ -105,6 +106,7 @@ def write_pdf(
                 attachments=files,
                 pdf_variant=f"pdf/{variant}",
                 finisher=_list_each_attachment_once,
+                cache=palette_images(styled),
             )
         draft.replace(path)
     finally:

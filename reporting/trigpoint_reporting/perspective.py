@@ -23,7 +23,7 @@ from trigpoint_reporting.style import metres
 
 # Towards the cameras: from the south-east and from the north-west, above the horizon.
 CAMERAS = {"the south-east": (1.0, -1.3, 0.55), "the north-west": (-1.0, 1.3, 0.55)}
-SIZE = (840, 720)
+SIZE = (700, 600)
 GAP = 20
 MOST = 800_000
 SECONDS = 180

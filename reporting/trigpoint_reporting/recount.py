@@ -14,18 +14,21 @@ TOLERANCE = 1e-8
 
 def recount(evidence: Evidence) -> Table:
     """Recompute every number that the tables determine; refuse to go on where one differs."""
-    rows = []
+    found: dict[str, dict[str, str]] = {}
     for name in evidence.names:
         for what, pairs in _recounted(evidence, name):
             agree = [_same(stored, again) for stored, again in pairs]
             if not all(agree):
                 stored, again = pairs[agree.index(False)]
                 raise AssertionError(f"{name}, {what}: {stored} is stored, {again} recomputed")  # noqa: EM102
-            rows.append((what, name, f"{len(pairs)}", f"{sum(agree)}"))
+            found.setdefault(what, {})[name] = f"{sum(agree)} of {len(pairs)}"
     return Table(
         "Numbers recomputed in this notebook from the stored tables and distances",
-        ("Quantity", "Reconstruction", "Numbers", "Agree"),
-        rows,
+        ("Quantity", *(f"{name}: agree" for name in evidence.names)),
+        [
+            (what, *(told.get(name, "\N{EN DASH}") for name in evidence.names))
+            for what, told in found.items()
+        ],
         ("Agreement is to 1e-8 in metres or per cent; what is stored is rounded to 1e-9 m.",),
     )
 

@@ -8,13 +8,19 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 
-from trigpoint_reporting.blocks import Block, Cell, Passage, Picture, Table, Value
+from trigpoint_reporting.blocks import Block, Cell, Entry, Passage, Picture, Table, Value
 
 TYPES = {"svg": "image/svg+xml", "png": "image/png"}
-# Tables up to so many rows stay on one page; wider ones than so many columns are set smaller.
+# Tables up to so many rows stay on one page; ones of more columns, or of more letters across where
+# each column is as wide as its longest text up to some, are set smaller.
 SHORT_ROWS = 10
-WIDE_COLUMNS = 7
+WIDE_COLUMNS, WIDE_LETTERS, WIDE_TEXT = 7, 120, 36
+# Two tables stand side by side where each needs no more than so many letters across, of which a
+# column of words takes so many at most before it is wrapped; a text that would fill more than a few
+# such lines wants the whole width.
+HALF_LETTERS, HALF_WORDS, HALF_TEXT, HALF_ROWS = 58, 26, 75, 20
 # Characters that no document may hold, and those that turn the direction of what follows them.
 UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069"
@@ -60,7 +66,10 @@ def show(*blocks: Block) -> Shown:
     >>> show(Passage(["RMSE ", Value("0.137", "rmse_m"), " m, by <us>"]))
     RMSE 0.137 m, by <us>
     """
-    return Shown("\n".join(map(to_html, blocks)), "\n\n".join(map(to_text, blocks)))
+    first = side_by_side(blocks)
+    halves = first | {position + 1 for position in first}
+    html = [to_html(block, half=position in halves) for position, block in enumerate(blocks)]
+    return Shown("\n".join(html), "\n\n".join(map(to_text, blocks)))
 
 
 def heading(text: str) -> Shown:
@@ -78,8 +87,19 @@ def printable(text: str) -> str:
     return UNPRINTABLE.sub("\ufffd", text)
 
 
-def to_html(block: Block) -> str:
-    """Return a block as HTML in which every text is escaped.
+def side_by_side(blocks: Sequence[Block]) -> set[int]:
+    """Return the positions of tables that are narrow enough to stand beside the one after them."""
+    found: set[int] = set()
+    for position, pair in enumerate(pairwise(blocks)):
+        if position - 1 not in found and all(
+            isinstance(each, Table) and _narrow(each) for each in pair
+        ):
+            found.add(position)
+    return found
+
+
+def to_html(block: Block, *, half: bool = False) -> str:
+    """Return a block as HTML in which every text is escaped; a table, perhaps half as wide.
 
     A `Value` becomes ``<data value="0.137" data-path="reconstructions...">``, so that what is
     printed can be compared with what is stored.
@@ -91,7 +111,7 @@ def to_html(block: Block) -> str:
     """
     if isinstance(block, Passage):
         return f'<p class="passage {block.tone}">{_cells(block.parts)}</p>'
-    return _table(block) if isinstance(block, Table) else _picture(block)
+    return _table(block, half=half) if isinstance(block, Table) else _picture(block)
 
 
 def to_text(block: Block) -> str:
@@ -100,7 +120,7 @@ def to_text(block: Block) -> str:
         return _joined(block.parts)
     if isinstance(block, Picture):
         return f"[{block.caption}] {block.alt}"
-    rows = [[_plain(cell) for cell in row] for row in (block.columns, *block.rows)]
+    rows = [[_spoken(entry) for entry in row] for row in (block.columns, *block.rows)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     numeric = _numeric(block)
     lines = [
@@ -114,7 +134,7 @@ def to_text(block: Block) -> str:
     return "\n".join([block.caption, *lines, *([_joined(block.note)] if block.note else [])])
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, *, half: bool) -> str:
     numeric = ['class="number"' if right else "" for right in _numeric(table)]
     head = "".join(
         f'<th scope="col" {kind}>{_escaped(column)}</th>'
@@ -131,7 +151,8 @@ def _table(table: Table) -> str:
     )
     kinds = ["table"]
     kinds += ["short"] if len(table.rows) <= SHORT_ROWS else []
-    kinds += ["wide"] if len(table.columns) > WIDE_COLUMNS else []
+    kinds += ["wide"] if _wide(table) else []
+    kinds += ["half"] if half else []
     note = f'<p class="table-note">{_cells(table.note)}</p>' if table.note else ""
     return (
         f'<div class="{" ".join(kinds)}">'
@@ -169,9 +190,29 @@ def _printed_width(picture: Picture) -> float | None:
     return 1000 * columns / per_metre if per_metre else None
 
 
+def _wide(table: Table) -> bool:
+    columns = zip(*table.rows, strict=True)
+    longest = [max(len(_spoken(entry)) for entry in column) for column in columns]
+    letters = sum(min(each, WIDE_TEXT) + 2 for each in longest)
+    return len(table.columns) > WIDE_COLUMNS or letters > WIDE_LETTERS
+
+
+def _narrow(table: Table) -> bool:
+    columns = zip(table.columns, *table.rows, strict=True)
+    needed = 0.0
+    for numeric, (head, *entries) in zip(_numeric(table), columns, strict=True):
+        longest = max((len(_spoken(entry)) for entry in entries), default=0)
+        if longest > HALF_TEXT:
+            return False
+        words = max(map(len, _spoken(head).split()), default=0)
+        # Digits are wider than letters, and no number is broken.
+        needed += 2 + max(words, 1.2 * longest if numeric else min(longest, HALF_WORDS))
+    return len(table.rows) <= HALF_ROWS and needed <= HALF_LETTERS
+
+
 def _numeric(table: Table) -> list[bool]:
     columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    return [_is_numeric([_plain(cell) for cell in column]) for column in columns]
+    return [_is_numeric([_leading(entry) for entry in column]) for column in columns]
 
 
 def _is_numeric(column: Sequence[str]) -> bool:
@@ -179,9 +220,11 @@ def _is_numeric(column: Sequence[str]) -> bool:
     return bool(given) and all(NUMERIC.fullmatch(cell) for cell in given)
 
 
-def _entry(cell: Cell) -> str:
-    """Return a table's cell, in which a long word, such as a hash, may be broken."""
-    return WORD.sub(_breakable, _cell(cell)) if isinstance(cell, str) else _cell(cell)
+def _entry(entry: Entry) -> str:
+    """Return a table's field, in which a long word, such as a hash, may be broken."""
+    if isinstance(entry, str):
+        return WORD.sub(_breakable, _cell(entry))
+    return _cells(entry) if isinstance(entry, tuple) else _cell(entry)
 
 
 def _breakable(word: re.Match[str]) -> str:
@@ -207,6 +250,15 @@ def _cell(part: Cell) -> str:
 
 def _joined(parts: Sequence[Cell]) -> str:
     return "".join(map(_plain, parts))
+
+
+def _leading(entry: Entry) -> str:
+    """Return a field's first cell: a number stays one with an interval behind it."""
+    return _plain(entry[0]) if isinstance(entry, tuple) else _plain(entry)
+
+
+def _spoken(entry: Entry) -> str:
+    return _joined(entry) if isinstance(entry, tuple) else _plain(entry)
 
 
 def _plain(part: Cell) -> str:

@@ -42,7 +42,7 @@ def render(points: Path, pictures: Path) -> None:
         plotter.enable_eye_dome_lighting()
     shots = []
     for direction in directions:
-        plotter.view_vector(direction, viewup=(0, 0, 1))
+        plotter.view_vector(direction, viewup=(0, 0, 1), render=False)
         _fill(plotter, np.asarray(cloud.points, np.float64), width / height)
         # Without this a screenshot shows what the camera before it saw.
         plotter.render()

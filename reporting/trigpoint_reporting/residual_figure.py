@@ -42,7 +42,7 @@ VIEWS = (("Plan", 0, 1), ("Elevation from the south", 0, 2), ("Elevation from th
 AXES = ("easting", "northing", "height")
 MARKS = {"used": ("o", BLUE), "rejected": ("X", VERMILLION), "check": ("^", GREEN)}
 # Room in millimetres around the panels, and for the tallest of them.
-BESIDE, BELOW, ABOVE, TALLEST = 15.0, 18.0, 6.0, 105.0
+BESIDE, BELOW, ABOVE, TALLEST = 15.0, 18.0, 6.0, 75.0
 
 
 def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:

@@ -16,8 +16,11 @@ STANDARD = (
     "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
 )
 WORDING_SOURCE = f"{STANDARD}, section 7.16, as public report tools quote it"
-# The primary text is for the society's members: until someone has compared, this says so.
-WORDING_CHECKED_ON = "not yet compared with the primary text"
+WORDING_CHECKED_ON = (
+    "2026-11-22, against a public report tool that quotes it and carries the form for fewer than "
+    "thirty points over from horizontal products; the primary text is for the society's members "
+    "and was not seen"
+)
 BLANK = "___"
 
 
@@ -183,7 +186,12 @@ def _why(count: int, rule: TwiceRule) -> Iterator[Cell]:
             "No limit on checks.total_m asks for a class, so twice as accurate is judged by the "
             "error found. "
         )
-    yield (
-        f"{BLANK}: not stated by the project, or not tested. Wording: {WORDING_SOURCE}; "
-        f"checked: {WORDING_CHECKED_ON}."
+    yield f"{BLANK}: not stated by the project, or not tested. Source of the wording: section 2."
+
+
+def wording_source() -> Passage:
+    """Say where the sentences come from, and what they were checked against."""
+    return Passage(
+        (f"Wording of the accuracy sentence: {WORDING_SOURCE}. Checked {WORDING_CHECKED_ON}.",),
+        "note",
     )

@@ -1,5 +1,6 @@
 import pytest
 
+from trigpoint_reporting.content.scope import purpose
 from trigpoint_reporting.render import to_text
 from trigpoint_reporting.standards import (
     WORDING_CHECKED_ON,
@@ -93,9 +94,12 @@ def test_leave_one_out_is_never_called_a_test(make_evidence):
 
 
 def test_where_the_wording_comes_from_is_printed_and_whether_someone_checked(make_evidence):
-    words = told(make_evidence("paper"))
+    evidence = make_evidence("paper")
+    assert "Source of the wording: section 2." in told(evidence)
+    words = " ".join(map(to_text, purpose(evidence)))
     assert WORDING_SOURCE in words
     assert WORDING_CHECKED_ON in words
+    assert "2026-11-22" in WORDING_CHECKED_ON
 
 
 def test_a_cloud_without_picks_has_no_accuracy_sentence(make_evidence):

@@ -11,6 +11,7 @@ import pytest
 from trigpoint.canonical import to_json
 from trigpoint.criteria import schema
 from trigpoint_reporting.blocks import Passage, Table, Value
+from trigpoint_reporting.content.conduct import method
 from trigpoint_reporting.content.distances import accuracy, completeness
 from trigpoint_reporting.content.doubts import limitations
 from trigpoint_reporting.content.frame import coordinate_reference
@@ -55,11 +56,18 @@ def blocks_of(sections):
 def cells(block):
     if isinstance(block, Passage):
         return list(block.parts)
-    return [cell for row in block.rows for cell in row] + list(block.note)
+    return [cell for row in block.rows for entry in row for cell in parts(entry)] + [*block.note]
+
+
+def parts(entry):
+    return entry if isinstance(entry, tuple) else (entry,)
 
 
 def texts(row):
-    return [cell.text if isinstance(cell, Value) else cell for cell in row]
+    return [
+        "".join(cell.text if isinstance(cell, Value) else cell for cell in parts(entry))
+        for entry in row
+    ]
 
 
 def told(blocks):
@@ -288,9 +296,14 @@ def test_zones_carry_their_heights_and_thresholds_below_the_voxel_a_mark(make_ev
     heights = [texts(row)[1] for row in table(blocks, "distances as delivered").rows]
     assert heights[0] == "151.9 to 212.0"
     assert heights[3] == "191.6 to 212.0"
-    marked = [texts(row)[1] for row in table(blocks, "within distances").rows[:4]]
-    assert marked == ["RMSE (m)", "within 0.05 m (%) *", "within 0.1 m (%) *", "within 0.2 m (%)"]
-    assert "532,598" in to_text(table(blocks, "kept and lost"))
+    marked = table(blocks, "within distances").columns
+    assert marked == ["Zone", "RMSE (m)", "≤ 0.05 m * (%)", "≤ 0.1 m * (%)", "≤ 0.2 m (%)"]
+
+
+def test_points_kept_and_lost_stand_side_by_side(make_evidence):
+    shown = table(method(make_evidence("paper")), "kept and lost")
+    assert shown.columns == ("Step", "nerf", "sfm")
+    assert texts(shown.rows[0]) == ["reference points", "532,598", "532,598"]
 
 
 def test_an_empty_zone_is_nothing_within_any_distance(make_evidence):
@@ -301,11 +314,12 @@ def test_an_empty_zone_is_nothing_within_any_distance(make_evidence):
     assert texts(table(blocks, "within distances").rows[-1])[2] == "0.0"
 
 
-def test_intervals_are_columns_where_there_are_any(make_evidence):
+def test_intervals_stand_beside_their_numbers_where_there_are_any(make_evidence):
     known = table(accuracy(make_evidence("full"), "nerf"), "within distances")
-    assert [*texts(known.rows[2])[2:5]] == ["90.7", "87.7", "93.7"]
+    assert texts(known.rows[0])[known.columns.index("≤ 0.1 m * (%)")] == "90.7 [87.7 to 93.7]"
+    assert known.columns[1] == "RMSE (m), 95 %"
     unknown = table(accuracy(make_evidence("paper"), "nerf"), "within distances")
-    assert len(unknown.columns) == len(known.columns) - 2
+    assert texts(unknown.rows[0])[3] == "90.7"
     assert "95 % intervals: not available." in to_text(unknown)
     assert "From picking noise alone" in told(completeness(make_evidence("full"), "nerf"))
 

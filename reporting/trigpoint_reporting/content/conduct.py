@@ -1,4 +1,4 @@
-"""What was done with which settings, and what could have affected the result."""
+"""What was done to how many points with which settings, and what could have affected the result."""
 
 from __future__ import annotations
 
@@ -53,18 +53,62 @@ def method(evidence: Evidence) -> list[Block]:
     return [
         Table("Method, step by step", ("Step", "What is done"), STEPS),
         Table(
-            "Every setting of this audit",
-            ("Section", "Setting", "Value"),
-            list(_settings(evidence)),
-            ("As a file that runs again: config/project.toml.",),
-        ),
-        Table(
             "Effects on the result",
             ("Effect", "Size", "Unit", "How estimated", "Affects", "Treated?"),
             list(_effects(evidence)),
             ("Sizes are one standard deviation where the effect is random.",),
         ),
+        _kept(evidence),
+        Table(
+            "Every setting of this audit",
+            ("Section", "Setting", "Value"),
+            list(_settings(evidence)),
+            ("As a file that runs again: config/project.toml.",),
+        ),
     ]
+
+
+def _kept(evidence: Evidence) -> Table:
+    """Return the counts of every reconstruction, side by side."""
+    reconstructions = Numbers(evidence.results).below("reconstructions")
+    counts = {
+        name: found.below("comparison", "delivered", "counts")
+        for name, found in reconstructions.items()
+    }
+    steps = dict.fromkeys(key for part in counts.values() for key in part.stored)
+    return Table(
+        "Points kept and lost at every step",
+        ("Step", *counts),
+        [
+            (
+                key.replace("_", " "),
+                *(
+                    part.value(key) if key in part.stored else "\N{EN DASH}"
+                    for part in counts.values()
+                ),
+            )
+            for key in steps
+        ],
+        tuple(_region(evidence)),
+    )
+
+
+def _region(evidence: Evidence) -> Iterator[Cell]:
+    settings = Numbers(evidence.results).below("project", "settings", "comparison")
+    polygon = [row["path"] for row in evidence.results["inputs"] if row["role"] == "region"]
+    yield "Evaluation region: "
+    if polygon:
+        yield f"the polygon in {polygon[0]}. "
+    elif settings["margin_m"] is None:
+        yield "everything, no crop. "
+    else:
+        yield "the reference's extent and "
+        yield settings.value("margin_m")
+        yield " m around it. "
+    yield (
+        "It crops reconstructions only: no point of the reference is left out for want of a "
+        "partner."
+    )
 
 
 def _settings(evidence: Evidence) -> Iterator[Row]:

@@ -8,14 +8,12 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
-from trigpoint_reporting.blocks import Block, Cell, Passage, Table
+from trigpoint_reporting.blocks import Block, Cell, Entry, Passage, Table
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, number_text
 
 Direction = Literal["accuracy", "completeness"]
-Row = tuple[Cell, ...]
 STATISTICS = ("n", "mean_m", "median_m", "nmad_m", "rmse_m", "p95_m", "max_m", "floor_rmse_m")
-SHARES = ("Zone", "Measure", "Found", "95 % from", "95 % to", "Before thinning")
 MEANING = {
     "accuracy": "from each point of the reconstruction to the nearest of the reference",
     "completeness": "from each point of the reference to the nearest of the reconstruction",
@@ -28,17 +26,8 @@ def accuracy(evidence: Evidence, name: str) -> list[Block]:
 
 
 def completeness(evidence: Evidence, name: str) -> list[Block]:
-    """Return how much of the reference the reconstruction has, zone by zone, and what counted."""
-    counts = Numbers(evidence.results).below(
-        "reconstructions", name, "comparison", "delivered", "counts"
-    )
-    kept = Table(
-        f"{name}: points kept and lost at every step",
-        ("Step", "Points"),
-        [(key.replace("_", " "), part.value()) for key, part in counts.items()],
-        tuple(_region(evidence)),
-    )
-    return [*_direction(evidence, name, "completeness"), kept]
+    """Return how much of the reference the reconstruction has, zone by zone."""
+    return _direction(evidence, name, "completeness")
 
 
 def _direction(evidence: Evidence, name: str, direction: Direction) -> list[Block]:
@@ -106,17 +95,21 @@ def _heights(evidence: Evidence, name: str, zones: Sequence[str]) -> dict[str, C
 def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers) -> Table:
     voxel = evidence.results["project"]["settings"]["comparison"]["voxel_m"]
     parts = list(zones.items())
-    spread = any(share["low_pct"] is not None for _, part in parts for share in part.rows("within"))
-    rows: list[Row] = []
+    within = parts[0][1]["within"]
+    spread = any(share["low_pct"] is not None for _, part in parts for share in part["within"])
+    thinned = any(share["raw_pct"] is not None for _, part in parts for share in part["within"])
+    columns = ["Zone", f"RMSE (m){', 95 %' if spread else ''}"]
+    for share in within:
+        mark = " *" if share["threshold_m"] <= voxel else ""
+        columns.append(f"≤ {number_text(share['threshold_m'])} m{mark} (%)")
+        columns += ["unthinned"] if thinned else []
+    rows: list[tuple[Entry, ...]] = []
     for zone, part in parts:
-        rows.append(_measure(zone, "RMSE (m)", part, "rmse_m", ("rmse_low_m", "rmse_high_m")))
+        row: list[Entry] = [zone, _with_interval(part, "rmse_m", "rmse_low_m", "rmse_high_m")]
         for share in part.rows("within"):
-            mark = " *" if share["threshold_m"] <= voxel else ""
-            label = f"within {number_text(share['threshold_m'])} m (%){mark}"
-            rows.append(_measure(zone, label, share, "pct", ("low_pct", "high_pct"), "raw_pct"))
-    columns: tuple[str, ...] = SHARES
-    if not spread:
-        rows, columns = [(*row[:3], row[5]) for row in rows], (*columns[:3], columns[5])
+            row.append(_with_interval(share, "pct", "low_pct", "high_pct"))
+            row += [share.value("raw_pct")] if thinned else []
+        rows.append(tuple(row))
     return Table(
         f"{name}: {direction} within distances, as delivered",
         columns,
@@ -124,23 +117,19 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
         (
             "Share of the points thinned to ",
             Numbers(evidence.results).value("project", "settings", "comparison", "voxel_m"),
-            " m. * not resolvable: a threshold that is not above the voxel depends on where the "
-            "lattice starts; read the share before thinning beside it.",
-            "" if spread else " 95 % intervals: not available.",
+            f" m{', and of all points (unthinned)' if thinned else ''}. * not resolvable: a "
+            "threshold that is not above the voxel depends on where the lattice starts"
+            f"{'; read the unthinned share beside it.' if thinned else '.'}",
+            " In brackets: the 95 % interval." if spread else " 95 % intervals: not available.",
         ),
     )
 
 
-def _measure(
-    zone: str,
-    label: str,
-    part: Numbers,
-    key: str,
-    bounds: tuple[str, str],
-    raw: str | None = None,
-) -> tuple[Cell, ...]:
-    before = "\N{EN DASH}" if raw is None else part.value(raw)
-    return zone, label, part.value(key), *(part.value(bound) for bound in bounds), before
+def _with_interval(part: Numbers, key: str, low: str, high: str) -> Entry:
+    """Return a number with its interval, where there is one."""
+    if part[low] is None or part[high] is None:
+        return part.value(key)
+    return part.value(key), " [", part.value(low), " to ", part.value(high), "]"
 
 
 def _intervals(delivered: Numbers, direction: Direction) -> Iterator[Passage]:
@@ -155,7 +144,7 @@ def _intervals(delivered: Numbers, direction: Direction) -> Iterator[Passage]:
 def _after_icp(name: str, direction: Direction, zones: Numbers) -> Table:
     parts = list(zones.items())
     marks = [row["threshold_m"] for row in parts[0][1]["within"]]
-    rows: list[tuple[Cell, ...]] = [
+    rows: list[tuple[Entry, ...]] = [
         (
             zone,
             *(part.value(key) for key in ("n", "median_m", "rmse_m", "p95_m")),
@@ -175,22 +164,4 @@ def _after_icp(name: str, direction: Direction, zones: Numbers) -> Table:
         ),
         rows,
         ("The same after the rigid ICP of the section before: the pose of no delivered cloud.",),
-    )
-
-
-def _region(evidence: Evidence) -> Iterator[Cell]:
-    settings = Numbers(evidence.results).below("project", "settings", "comparison")
-    polygon = [row["path"] for row in evidence.results["inputs"] if row["role"] == "region"]
-    yield "Evaluation region: "
-    if polygon:
-        yield f"the polygon in {polygon[0]}. "
-    elif settings["margin_m"] is None:
-        yield "everything, no crop. "
-    else:
-        yield "the reference's extent and "
-        yield settings.value("margin_m")
-        yield " m around it. "
-    yield (
-        "It crops reconstructions only: no point of the reference is left out for want of a "
-        "partner."
     )

@@ -20,11 +20,11 @@ def result(evidence: Evidence) -> list[Block]:
     """Return what must stand alone if the first page is torn off."""
     blocks: list[Block] = [wording.verdict(evidence)]
     blocks += [wording.result(evidence, name) for name in evidence.names]
-    blocks += [_title_block(evidence), _criteria(evidence)]
+    # The first two stand side by side where there is room.
+    blocks += [_title_block(evidence), *_plot_scales(evidence), _criteria(evidence)]
     for name in evidence.names:
         blocks += standards.accuracy_statement(evidence, name)
-    blocks += [standards.agreement(evidence), _in_doubt(evidence)]
-    return [*blocks, *_plot_scales(evidence), _check_it(evidence)]
+    return [*blocks, standards.agreement(evidence), _in_doubt(evidence), _check_it(evidence)]
 
 
 def _in_doubt(evidence: Evidence) -> Passage:
@@ -145,8 +145,8 @@ def _plot_scales(evidence: Evidence) -> Iterator[Table]:
     rows = list(_scales(evidence))
     if rows:
         yield Table(
-            "Largest plot scale that each error supports",
-            ("Reconstruction", "Error", "3D (m)", "Scale"),
+            "Largest plot scale that each RMSE supports",
+            ("Of", "Error", "3D (m)", "Scale"),
             rows,
             (
                 f"A line of {wording.LINE_MM:g} mm at scale 1:n covers n times as much on the "
@@ -161,9 +161,9 @@ def _scales(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
         if found["alignment"] is None:
             continue
         for label, part in (
-            ("RMSE of the fit at its own picks", "alignment"),
-            ("Leave-one-out RMSE", "loocv"),
-            ("RMSE at the check picks", "checks"),
+            ("Fit, at its own picks", "alignment"),
+            ("Leave-one-out", "loocv"),
+            ("Check picks", "checks"),
         ):
             error = found[part]["rmse_m"]
             if error is not None:

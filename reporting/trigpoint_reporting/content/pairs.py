@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
-from trigpoint_reporting.blocks import Block, Passage, Table
+from trigpoint_reporting.blocks import Block, Entry, Passage, Table
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers
 
 STAGES = {"delivered": "as delivered", "after_icp": "after ICP, pose taken out"}
-SHARES = ("one_pct", "other_pct", "difference_pct", "low_pct", "high_pct")
+SHORT = {"delivered": "", "after_icp": "after ICP: "}
 
 
 def paired(evidence: Evidence) -> list[Block]:
@@ -26,33 +26,47 @@ def paired(evidence: Evidence) -> list[Block]:
 
 
 def _pairs(evidence: Evidence) -> Iterator[Block]:
-    for stage, told in STAGES.items():
-        for pair in Numbers(evidence.results).rows("paired", stage):
-            one, other = pair["names"]
+    """Yield what each pair's differences say, and one table of them: delivered, then after ICP."""
+    stages = {stage: Numbers(evidence.results).rows("paired", stage) for stage in STAGES}
+    pairs = dict.fromkeys(tuple(pair["names"]) for each in stages.values() for pair in each)
+    for names in pairs:
+        found = {
+            stage: pair
+            for stage, each in stages.items()
+            for pair in each
+            if tuple(pair["names"]) == names
+        }
+        for stage, pair in found.items():
+            told = STAGES[stage]
             yield Passage((f"{told[0].upper()}{told[1:]}: {pair['statement']}",))
-            yield Table(
-                f"{one} less {other}: completeness, {told}",
-                (
-                    "Zone",
-                    "Within (m)",
-                    f"{one} (%)",
-                    f"{other} (%)",
-                    "Difference (points)",
-                    "95 % from",
-                    "95 % to",
-                    f"{one} is",
-                ),
-                [
-                    (
-                        row["zone"],
-                        row.value("threshold_m"),
-                        *(row.value(key) for key in SHARES),
-                        row["verdict"],
-                    )
-                    for row in pair.rows("differences")
-                ],
-                (
-                    "Paired: both from the same points of the reference. Points: percentage "
-                    "points. A difference whose interval holds zero is not told apart from none.",
-                ),
-            )
+        yield _differences(names, found)
+
+
+def _differences(names: tuple[str, ...], found: Mapping[str, Numbers]) -> Table:
+    one, other = names
+    columns = ["Zone", "Within (m)"]
+    for stage in found:
+        start = SHORT[stage]
+        columns += [f"{start}{one} (%)", f"{other} (%)", "Difference, 95 %", f"{one} is"]
+    # One pair's rows are the same places in every stage.
+    rows = zip(*(pair.rows("differences") for pair in found.values()), strict=True)
+    return Table(
+        f"{one} less {other}: completeness, {' and '.join(STAGES[stage] for stage in found)}",
+        columns,
+        [tuple(_row(stages)) for stages in rows],
+        (
+            "Paired: both from the same points of the reference. Difference: in percentage points, "
+            "in brackets the 95 % interval; one that holds zero is not told apart from none.",
+        ),
+    )
+
+
+def _row(stages: Sequence[Numbers]) -> Iterator[Entry]:
+    yield stages[0]["zone"]
+    yield stages[0].value("threshold_m")
+    for row in stages:
+        yield row.value("one_pct")
+        yield row.value("other_pct")
+        low, high = row.value("low_pct"), row.value("high_pct")
+        yield row.value("difference_pct"), " [", low, " to ", high, "]"
+        yield row["verdict"]

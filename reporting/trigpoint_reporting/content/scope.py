@@ -28,6 +28,7 @@ def purpose(evidence: Evidence) -> list[Block]:
         ),
         *[Passage(tuple(_independence(evidence, name))) for name in evidence.names],
         _reference_rule(evidence),
+        standards.wording_source(),
         Table(
             "Sign-off",
             ("Role", "Name", "Date", "Comment"),
