@@ -10,6 +10,7 @@ import trigpoint
 from trigpoint.bundle import bundle_folder, fill_bundle
 from trigpoint.delivery import sha256, whole_folder
 from trigpoint_reporting.manifest import MANIFEST, RECORD, BundleError, list_files, read_manifest
+from trigpoint_reporting.quality import quality_report
 from trigpoint_reporting.sealing import pack, seal, verifier_source, write_record
 from trigpoint_reporting.verifier.verify import look_up
 
@@ -215,3 +216,20 @@ def test_every_quality_element_is_a_number_of_results_json(bundle):
     independent = [each for each in elements if "check picks" in each["measure"]["name"]]
     assert len(independent) == 1
     assert independent[0]["evaluationMethod"]["type"] == "direct external"
+
+
+def test_a_threshold_that_reads_like_a_position_is_not_taken_for_one(bundle):
+    results = json.loads((bundle / "data" / "results.json").read_text("utf-8"))
+    for found in results["reconstructions"].values():
+        for direction in ("accuracy", "completeness"):
+            within = found["comparison"]["delivered"][direction]["all"]["within"]
+            for share, threshold, pct in zip(within, (0.5, 1.0, 2.0), (40, 60, 80), strict=True):
+                share |= {"threshold_m": threshold, "pct": pct}
+    checked = 0
+    for scope in quality_report(results)["reports"]:
+        for each in scope["elements"]:
+            path, value = each["result"].get("path", ""), each["result"].get("value")
+            if path.startswith("100 - "):
+                assert 100 - look_up(results, path.removeprefix("100 - ")) == value
+                checked += 1
+    assert checked == 12

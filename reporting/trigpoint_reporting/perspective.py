@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,13 @@ from trigpoint_reporting.photo import fewer_colours, photo_colours
 from trigpoint_reporting.sheet import Colours, to_png
 from trigpoint_reporting.style import metres
 
-# Towards the cameras: from the south-east and from the north-west, above the horizon.
-CAMERAS = {"the south-east": (1.0, -1.3, 0.55), "the north-west": (-1.0, 1.3, 0.55)}
+# Towards the cameras, from above the horizon: two opposite corners, or the other two where what
+# stands there shows more of itself.
+CORNERS = (
+    {"the south-east": (1.0, -1.3, 0.55), "the north-west": (-1.0, 1.3, 0.55)},
+    {"the north-east": (1.3, 1.0, 0.55), "the south-west": (-1.3, -1.0, 0.55)},
+)
+MORE = 1.1
 SIZE = (700, 600)
 GAP = 20
 MOST = 800_000
@@ -40,20 +46,21 @@ def perspective_views(evidence: Evidence) -> Picture | Passage:
     if not len(points):
         return _unavailable("no point of the reconstruction lies in the evaluation region")
     try:
-        pictures, renderer = _rendered(points, colours, relief=own)
+        cameras = _cameras(points)
+        pictures, renderer = _rendered(points, colours, list(cameras.values()))
     except _RenderError as error:
         return _unavailable(str(error))
     row = np.concatenate(_trimmed(pictures), axis=1)
     content = to_png(fewer_colours([row])[0])
-    how = "in its own colours, edges darkened," if own else "coloured by distance to the reference,"
+    how = "in its own colours" if own else "coloured by distance to the reference"
     caption = (
-        f"{name} {how} in perspective from {' and from '.join(CAMERAS)}: not to scale. "
+        f"{name} {how}, in perspective from {' and from '.join(cameras)}: not to scale. "
         f"{len(points):,} points, drawn by {renderer}."
     )
     extent = np.ptp(points, axis=0)
     alt = (
         f"{name}, {' by '.join(metres(side, 0) for side in extent[:2])} in plan and "
-        f"{metres(extent[2], 0)} high, {how} seen from two opposite corners."
+        f"{metres(extent[2], 0)} high, {how}, seen from two opposite corners."
     )
     return Picture("perspective", caption, alt, content, "png")
 
@@ -88,7 +95,18 @@ def _photographed(evidence: Evidence, name: str, path: Path) -> tuple[Points, Co
     return np.concatenate(points), np.concatenate(colours)
 
 
-def _rendered(points: Points, colours: Colours, *, relief: bool) -> tuple[Colours, str]:
+def _cameras(points: Points) -> dict[str, tuple[float, float, float]]:
+    """Choose the corners that see the points' broad side: a facade seen edge-on is a line."""
+    spreads = []
+    for corners in CORNERS:
+        x, y, _ = next(iter(corners.values()))
+        spreads.append(float(np.std(points[:, 0] * y - points[:, 1] * x)))
+    return CORNERS[1] if spreads[1] > MORE * spreads[0] else CORNERS[0]
+
+
+def _rendered(
+    points: Points, colours: Colours, cameras: Sequence[tuple[float, float, float]]
+) -> tuple[Colours, str]:
     """Render in a child process, and be sure of what it returns."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     with tempfile.TemporaryDirectory() as folder:
@@ -97,10 +115,9 @@ def _rendered(points: Points, colours: Colours, *, relief: bool) -> tuple[Colour
             given,
             xyz=(points - middle).astype(np.float32),
             colours=colours,
-            directions=np.array(list(CAMERAS.values())),
+            directions=np.array(cameras),
             size=np.array(SIZE),
             wide=np.array(1.6),
-            relief=np.array(relief),
         )
         command = [sys.executable, "-m", rendering.__name__, str(given), str(made)]
         # Naming EGL keeps VTK from looking for a display, and from writing that there is none.

@@ -93,14 +93,14 @@ def _completeness(
         ("accuracy", COMMISSION, "reconstruction points without a reference point"),
     ):
         row = found["comparison"]["delivered"][direction]["all"]
-        for position, share in enumerate(row["within"]):
+        for share in row["within"]:
             path = f"reconstructions.{name}.comparison.delivered.{direction}.all.within"
             value = None if share["pct"] is None else 100 - share["pct"]
             yield _element(
                 element,
                 f"rate of {subject} within {share['threshold_m']:g} m",
                 "direct external: the reference cloud",
-                f"100 - {path}.{position}.pct",
+                f"100 - {path}[{share['threshold_m']!r}].pct",
                 value,
                 f"{row['n']} thinned points; {region}",
                 unit="percent",

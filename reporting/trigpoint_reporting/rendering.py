@@ -23,7 +23,7 @@ def render(points: Path, pictures: Path) -> None:
     ----------
     points : Path
         Holds xyz (n, 3), colours (n, 3), directions (k, 3) from the points to each camera, size
-        (2,) in pixels, width of a point in pixels, and relief: whether edges are darkened.
+        (2,) in pixels and width of a point in pixels.
     pictures : Path
         Gets pictures (k, height, width, 3) and renderer, what OpenGL calls itself.
     """
@@ -33,13 +33,11 @@ def render(points: Path, pictures: Path) -> None:
         cloud = pv.PolyData(given["xyz"])
         cloud["colours"] = given["colours"]
         directions, (width, height) = given["directions"], given["size"].tolist()
-        wide, relief = float(given["wide"]), bool(given["relief"])
+        wide = float(given["wide"])
     plotter: Any = pv.Plotter(off_screen=True, window_size=[SMOOTH * width, SMOOTH * height])
     plotter.set_background("white")
     plotter.add_mesh(cloud, scalars="colours", rgb=True, lighting=False, point_size=SMOOTH * wide)
     plotter.disable_anti_aliasing()
-    if relief:
-        plotter.enable_eye_dome_lighting()
     shots = []
     for direction in directions:
         plotter.view_vector(direction, viewup=(0, 0, 1), render=False)

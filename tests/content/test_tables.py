@@ -332,6 +332,14 @@ def test_reconstructions_are_compared_where_they_were(make_evidence):
     assert "Not available" in told(paired(make_evidence("paper")))
 
 
+def test_a_difference_without_an_interval_stands_alone(make_evidence):
+    evidence = make_evidence("full")
+    for row in evidence.results["paired"]["delivered"][0]["differences"]:
+        row |= {"low_pct": None, "high_pct": None}
+    shown = paired(evidence)
+    assert "[not available" not in told(shown)
+
+
 def test_the_coordinate_reference_says_what_it_does_not_say(make_evidence):
     words = told(coordinate_reference(make_evidence("paper")))
     for part in ("vertical datum is unknown", "ensemble", "2.000 m", "28.4 mm over 100 m", "1.727"):

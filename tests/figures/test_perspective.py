@@ -35,6 +35,17 @@ def test_two_cameras_see_two_sides_the_same_way_each_time(evidence, rendered):
     assert perspective_views(evidence).content == rendered.content
 
 
+@pytest.mark.parametrize(
+    ("along", "corners"),
+    [((1, 1), 0), ((1, -1), 1), ((1, 0), 0), ((0, 0), 0)],
+)
+def test_a_facade_is_never_seen_edge_on(along, corners):
+    rng = np.random.default_rng(8)
+    points = rng.normal(size=(500, 3))
+    points[:, :2] += 20 * rng.uniform(-1, 1, (500, 1)) * np.array(along)
+    assert perspective._cameras(points) is perspective.CORNERS[corners]
+
+
 def test_trap_13_a_missing_opengl_is_a_box_and_not_a_crash(evidence, monkeypatch):
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json")
     monkeypatch.setenv("LIBGL_DRIVERS_PATH", "/nonexistent")

@@ -105,9 +105,9 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
         columns += ["unthinned"] if thinned else []
     rows: list[tuple[Entry, ...]] = []
     for zone, part in parts:
-        row: list[Entry] = [zone, _with_interval(part, "rmse_m", "rmse_low_m", "rmse_high_m")]
+        row: list[Entry] = [zone, with_interval(part, "rmse_m", "rmse_low_m", "rmse_high_m")]
         for share in part.rows("within"):
-            row.append(_with_interval(share, "pct", "low_pct", "high_pct"))
+            row.append(with_interval(share, "pct", "low_pct", "high_pct"))
             row += [share.value("raw_pct")] if thinned else []
         rows.append(tuple(row))
     return Table(
@@ -125,7 +125,7 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
     )
 
 
-def _with_interval(part: Numbers, key: str, low: str, high: str) -> Entry:
+def with_interval(part: Numbers, key: str, low: str, high: str) -> Entry:
     """Return a number with its interval, where there is one."""
     if part[low] is None or part[high] is None:
         return part.value(key)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trigpoint_reporting.blocks import Block, Entry, Passage, Table
+from trigpoint_reporting.content.distances import with_interval
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers
 
@@ -67,6 +68,5 @@ def _row(stages: Sequence[Numbers]) -> Iterator[Entry]:
     for row in stages:
         yield row.value("one_pct")
         yield row.value("other_pct")
-        low, high = row.value("low_pct"), row.value("high_pct")
-        yield row.value("difference_pct"), " [", low, " to ", high, "]"
+        yield with_interval(row, "difference_pct", "low_pct", "high_pct")
         yield row["verdict"]
