@@ -9,10 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from trigpoint.zones import HeightZones
 from trigpoint_reporting.blocks import Passage, Picture
+from trigpoint_reporting.elevations import limit_of
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.style import (
     BLACK,
@@ -29,7 +31,6 @@ from trigpoint_reporting.style import (
 
 Direction = Literal["accuracy", "completeness"]
 
-LIMIT_M = 0.50
 # The mark that the alternative text and the curves are read at, if the project measures there.
 MARK_M = 0.10
 STEPS = 251
@@ -81,7 +82,8 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
     styles, shown = lines_of(names), dict(zip(names, labels(names), strict=True))
     rows = {name: _rows(evidence, name, direction) for name in names}
     zones = list(rows[names[0]])
-    limits = np.linspace(0.0, LIMIT_M, STEPS)
+    limit = limit_of(evidence)
+    limits = np.linspace(0.0, limit, STEPS)
     voxel = evidence.results["project"]["settings"]["comparison"]["voxel_m"]
     split = {name: _by_own_zone(evidence, name, direction, zones[1:]) for name in names}
     columns = min(4, len(zones))
@@ -94,7 +96,7 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
             if voxel:
                 axes.axvspan(0, voxel, color="#EEEEEE", zorder=0)
             floor = rows[names[0]][zone]["floor_rmse_m"]
-            if floor is not None and floor <= LIMIT_M:
+            if floor is not None and floor <= limit:
                 axes.axvline(floor, color=GREY, linestyle="dotted", linewidth=1.2)
             axes.axvline(_mark(evidence), color=BLACK, linewidth=0.7)
             for name in names:
@@ -111,8 +113,8 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
             count = _count(rows, zone)
             axes.set_title("All" if zone == "all" else zone.replace("_", " ").capitalize())
             axes.text(0.97, 0.04, count, transform=axes.transAxes, ha="right", fontsize=6.5)
-            axes.set_xlim(0, LIMIT_M)
-            axes.set_xticks([0, 0.2, 0.4])
+            axes.set_xlim(0, limit)
+            axes.xaxis.set_major_locator(MaxNLocator(3))
             axes.set_ylim(0, 100)
             axes.grid(True)
             axes.tick_params(labelbottom=True)

@@ -14,14 +14,25 @@ from trigpoint.cloud import PointCloud
 from trigpoint.files import describe, read, stream
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import number_text
 from trigpoint_reporting.photo import fewer_colours, photo_colours
 from trigpoint_reporting.sheet import Colours, Legend, Panel, Plan, draw, lay_out
 from trigpoint_reporting.splat import Side, Splat, extent, grown, splat
-from trigpoint_reporting.style import VERMILLION, labels, listed, metres, not_drawn, percent
+from trigpoint_reporting.style import (
+    VERMILLION,
+    labels,
+    listed,
+    metres,
+    not_drawn,
+    percent,
+)
 
 FOUR: tuple[Side, ...] = ("north", "east", "south", "west")
-# The same bands in every figure of distances, so that any two can be laid side by side.
-BAND_M, LIMIT_M = 0.05, 0.50
+# Up to where distances are told apart where no project says otherwise, and in bands of what width.
+# A report has one limit for all its figures, so that any two can be laid side by side.
+LIMIT_M, BAND_M = 0.50, 0.05
+BANDS = round(LIMIT_M / BAND_M)
+REACH = 2.5  # times the largest threshold
 # Where the plan of what is missing draws its line, if the project measures there.
 MARK_M = 0.10
 AROUND_M = 1.0
@@ -31,6 +42,12 @@ POINT = 1.5
 SHADOW = 3
 # Height in pixels of a sheet that shares its page with another, or with two.
 HALF, THIRD = 1150, 800
+
+
+def limit_of(evidence: Evidence) -> float:
+    """Return the distance beyond which every figure of a report tells none apart, in metres."""
+    within = evidence.results["project"]["settings"]["comparison"]["within_m"]
+    return round(REACH * max(within), 6) if within else LIMIT_M
 
 
 def rgb(colour: str) -> Colours:
@@ -46,7 +63,7 @@ def rgb(colour: str) -> Colours:
 
 def bands() -> Colours:
     """Return the colours of the distance bands, near first: light for good, dark for bad."""
-    shades = mpl.colormaps["cividis"](np.linspace(0.97, 0.0, round(LIMIT_M / BAND_M)))
+    shades = mpl.colormaps["cividis"](np.linspace(0.97, 0.0, BANDS))
     return np.round(255 * shades[:, :3]).astype(np.uint8)
 
 
@@ -55,14 +72,21 @@ NO_BANDS = np.empty((0, 3), np.uint8)
 COVERED, NEAR_MISS, MISSING = rgb("#CFCFCF"), rgb(VERMILLION), rgb("#000000")
 
 
-def distance_bands(distances: NDArray[np.float64]) -> NDArray[np.uint8]:
+def distance_bands(distances: NDArray[np.float64], *, limit: float = LIMIT_M) -> NDArray[np.uint8]:
     """Return the position of each distance's colour in `colour_table`.
 
     A distance on an edge between bands belongs to the nearer band, as ``within`` counts it.
     """
-    count = round(LIMIT_M / BAND_M)
-    band = np.searchsorted(BAND_M * np.arange(1, count + 1) + 1e-9, distances, side="left")
-    return np.where(np.isfinite(distances), band, count + 1).astype(np.uint8)
+    edges = limit / BANDS * np.arange(1, BANDS + 1) + 1e-9
+    band = np.searchsorted(edges, distances, side="left")
+    return np.where(np.isfinite(distances), band, BANDS + 1).astype(np.uint8)
+
+
+def band_edges(limit: float) -> list[str]:
+    """Return the ends of the bands as they are written, all with as many decimals."""
+    edges = [round(limit * k / BANDS, 9) for k in range(BANDS + 1)]
+    digits = max(len(number_text(edge).partition(".")[2]) for edge in edges)
+    return [number_text(edge, digits) for edge in edges]
 
 
 def colour_table() -> Colours:
@@ -70,9 +94,9 @@ def colour_table() -> Colours:
     return np.concatenate([bands(), BEYOND[None], NOTHING[None]])
 
 
-def distance_colours(distances: NDArray[np.float64]) -> Colours:
+def distance_colours(distances: NDArray[np.float64], *, limit: float = LIMIT_M) -> Colours:
     """Return the colour of each distance, shape (n, 3); of none (NaN) black."""
-    return colour_table()[distance_bands(distances)]
+    return colour_table()[distance_bands(distances, limit=limit)]
 
 
 def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
@@ -82,13 +106,13 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
         return not_drawn(f"Elevations of {name}", "no point of it lies in the evaluation region")
     panels = [site.panel(side, f"From the {side}") for side in FOUR]
     plan = lay_out(panels)
-    colours = distance_colours(_distances(cloud))
+    colours = distance_colours(_distances(cloud), limit=site.limit)
     pictures = [site.picture(cloud, side, plan, colours) for side in FOUR]
-    beyond = _beyond(cloud)
-    legend = _distance_legend(f": {percent(beyond)}")
+    beyond = _beyond(cloud, site.limit)
+    legend = _distance_legend(site.limit, f": {percent(beyond)}")
     content = draw(panels, plan, pictures, legend, zones=site.zones)
     shown = evidence.results["reconstructions"][name]["comparison"]["delivered"]["accuracy"]
-    mark, limit = metres(site.mark, None), metres(LIMIT_M, None)
+    mark, limit = metres(site.mark, None), metres(site.limit, None)
     alt = (
         f"{_within(shown['all'], site.mark)} of {name}'s points lie within {mark} of the reference "
         f"and {percent(beyond)} beyond {limit}{_worst_zone(shown)}."
@@ -105,7 +129,7 @@ def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     reference, site = _thinned(evidence, name, "completeness"), _site(evidence, name)
     assert reference is not None  # a reference without points is refused
     distances = _distances(reference)
-    far = ~(distances <= LIMIT_M)  # what has no counterpart at all is NaN, and is far
+    far = ~(distances <= site.limit)  # what has no counterpart at all is NaN, and is far
     colours = np.where(
         (distances <= site.mark)[:, None], COVERED, np.where(far[:, None], MISSING, NEAR_MISS)
     )
@@ -116,7 +140,7 @@ def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     ]
     plan = lay_out(panels, tallest=HALF)
     pictures = [site.picture(reference, side, plan, colours) for side in sides]
-    mark, limit = metres(site.mark, None), metres(LIMIT_M, None)
+    mark, limit = metres(site.mark, None), metres(site.limit, None)
     covered = 100 * float((distances <= site.mark).mean())
     missing = 100 * float(far.mean())
     legend = Legend(
@@ -186,7 +210,7 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     told = [
         (
             f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, None)}",
-            f"{percent(_beyond(cloud))} beyond {metres(LIMIT_M, None)}",
+            f"{percent(_beyond(cloud, site.limit))} beyond {metres(site.limit, None)}",
         )
         for name, cloud in drawn.items()
     ]
@@ -196,12 +220,12 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     panels = [site.panel(side, title, note) for title, note in zip(titles, notes, strict=True)]
     plan = lay_out(panels, tallest=THIRD)
     pictures = [
-        site.picture(cloud, side, plan, distance_colours(_distances(cloud)))
+        site.picture(cloud, side, plan, distance_colours(_distances(cloud), limit=site.limit))
         for cloud in drawn.values()
     ]
     seen = site.seen(reference, side, panels[-1].window, plan.pixel)
     pictures.append(_shaded(seen))
-    content = draw(panels, plan, pictures, _distance_legend(), zones=site.zones)
+    content = draw(panels, plan, pictures, _distance_legend(site.limit), zones=site.zones)
     alt = (
         "Seen from the south at one scale, of the points of "
         + "; of ".join(
@@ -225,6 +249,7 @@ class _Site:
     zones: tuple[tuple[str, float], ...]
     voxel: float
     mark: float
+    limit: float
 
     def panel(self, side: Side, title: str, note: str = "") -> Panel:
         window = extent(self.corners, side)
@@ -276,6 +301,7 @@ def _site(evidence: Evidence, name: str) -> _Site:
         ),
         comparison["voxel_m"],
         float(MARK_M if MARK_M in within else within[len(within) // 2]),
+        limit_of(evidence),
     )
 
 
@@ -288,18 +314,18 @@ def _distances(cloud: PointCloud) -> NDArray[np.float64]:
     return cloud.attributes["distance_m"].astype(np.float64)
 
 
-def _beyond(cloud: PointCloud) -> float:
+def _beyond(cloud: PointCloud, limit: float) -> float:
     """Return the percentage of a cloud that is out of the legend's range."""
-    return 100 * float((_distances(cloud) > LIMIT_M).mean())
+    return 100 * float((_distances(cloud) > limit).mean())
 
 
-def _distance_legend(share: str = "") -> Legend:
-    edges = [f"{BAND_M * k:.2f}" if k % 2 == 0 else "" for k in range(round(LIMIT_M / BAND_M) + 1)]
+def _distance_legend(limit: float, share: str = "") -> Legend:
+    edges = [text if k % 2 == 0 else "" for k, text in enumerate(band_edges(limit))]
     return Legend(
         "Distance to the reference, metres",
         bands(),
         edges,
-        ((BEYOND, f"beyond {metres(LIMIT_M, None)}{share}"),),
+        ((BEYOND, f"beyond {metres(limit, None)}{share}"),),
     )
 
 

@@ -16,7 +16,7 @@ from trigpoint.files import describe, read, stream
 from trigpoint.similarity import Points
 from trigpoint_reporting import rendering
 from trigpoint_reporting.blocks import Passage, Picture
-from trigpoint_reporting.elevations import AROUND_M, distance_colours
+from trigpoint_reporting.elevations import AROUND_M, distance_colours, limit_of
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.photo import fewer_colours, photo_colours
 from trigpoint_reporting.sheet import Colours, to_png
@@ -78,7 +78,7 @@ def _shown(evidence: Evidence) -> tuple[str, Points, Colours, bool]:
     cloud = read(path)
     every = -(-len(cloud) // MOST)
     distances = cloud.attributes["distance_m"][::every].astype(np.float64)
-    return name, cloud.xyz[::every], distance_colours(distances), False
+    return name, cloud.xyz[::every], distance_colours(distances, limit=limit_of(evidence)), False
 
 
 def _photographed(evidence: Evidence, name: str, path: Path) -> tuple[Points, Colours]:

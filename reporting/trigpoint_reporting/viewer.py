@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import zlib
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any
 
 import jinja2
@@ -14,11 +15,10 @@ from numpy.typing import NDArray
 from trigpoint.cloud import PointCloud
 from trigpoint.files import read
 from trigpoint_reporting.elevations import (
-    BAND_M,
-    LIMIT_M,
-    bands,
+    band_edges,
     colour_table,
     distance_bands,
+    limit_of,
 )
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.style import listed, metres, percent
@@ -50,12 +50,15 @@ def viewer_html(evidence: Evidence) -> str:
     low = np.min([cloud.coordinates.min(axis=0) for cloud, _ in clouds], axis=0)
     high = np.max([cloud.coordinates.max(axis=0) for cloud, _ in clouds], axis=0)
     step = max(STEP * voxel, float((high - low).max()) / 65_000)
+    limit = limit_of(evidence)
     kept, packed = [], []
     for cloud, scalars in clouds:
         chosen = _some(len(cloud), MOST // len(clouds))
         kept.append(len(chosen))
         cells = np.round((cloud.coordinates[chosen] - low) / step).astype(np.int64)
-        packed.append(pack(cells, [distance_bands(values[chosen]) for values in scalars]))
+        packed.append(
+            pack(cells, [distance_bands(values[chosen], limit=limit) for values in scalars])
+        )
     scene = {
         "step": step,
         "size": ((high - low) / step).tolist(),
@@ -75,7 +78,7 @@ def viewer_html(evidence: Evidence) -> str:
         points=f"{sum(kept):,}",
         total=f"{sum(len(cloud) for cloud, _ in clouds):,}",
         step=metres(step),
-        legend=_legend(),
+        legend=_legend(limit),
     )
 
 
@@ -154,10 +157,10 @@ def _finding(evidence: Evidence) -> str:
     return f"{listed(told)} of the reference."
 
 
-def _legend() -> list[dict[str, Any]]:
+def _legend(limit: float) -> list[dict[str, Any]]:
     """Name every colour of the table."""
-    names = [f"{BAND_M * k:.2f}\N{EN DASH}{BAND_M * (k + 1):.2f} m" for k in range(len(bands()))]
-    names += [f"beyond {metres(LIMIT_M, None)}", "no counterpart"]
+    names = [f"{low}\N{EN DASH}{high} m" for low, high in pairwise(band_edges(limit))]
+    names += [f"beyond {metres(limit, None)}", "no counterpart"]
     return [
         {"colour": "#{:02x}{:02x}{:02x}".format(*colour), "name": name}
         for colour, name in zip(colour_table().tolist(), names, strict=True)

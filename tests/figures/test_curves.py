@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from trigpoint_reporting.blocks import Picture
 from trigpoint_reporting.curves import (
-    LIMIT_M,
     _by_own_zone,
     accuracy_by_zone,
     accuracy_curves,
@@ -14,6 +13,7 @@ from trigpoint_reporting.curves import (
     share_within,
 )
 
+LIMIT_M = 0.5
 LIMITS = np.linspace(0, LIMIT_M, 11)
 
 

@@ -16,11 +16,14 @@ from trigpoint_reporting.elevations import (
     MISSING,
     NEAR_MISS,
     NOTHING,
+    band_edges,
     bands,
     colour_elevations,
     colour_table,
+    distance_bands,
     distance_colours,
     distance_elevations,
+    limit_of,
     missing_elevations,
     readme_picture,
 )
@@ -77,6 +80,19 @@ def test_a_distance_on_an_edge_belongs_to_the_nearer_band():
     table = colour_table()
     expected = table[[0, 0, 1, 1, 9, 10, 11, 11]]
     np.testing.assert_array_equal(distance_colours(distances), expected)
+
+
+def test_the_colours_reach_as_far_as_the_projects_thresholds_ask(evidence, changed):
+    assert limit_of(evidence) == LIMIT_M
+    within = [0.01, 0.02, 0.05]
+    fine = changed(
+        lambda results: results["project"]["settings"]["comparison"].update(within_m=within)
+    )
+    assert limit_of(fine) == 0.125
+    assert band_edges(0.125)[:3] == ["0.0000", "0.0125", "0.0250"]
+    assert band_edges(2.5)[1::4] == ["0.25", "1.25", "2.25"]
+    distances = np.array([0.0125, 0.0126, 0.125, 0.1251])
+    assert distance_bands(distances, limit=0.125).tolist() == [0, 1, 9, 10]
 
 
 def opened(picture):
