@@ -326,6 +326,7 @@ def _distance_legend(limit: float, share: str = "") -> Legend:
         bands(),
         edges,
         ((BEYOND, f"beyond {metres(limit, None)}{share}"),),
+        hatched=BEYOND,
     )
 
 

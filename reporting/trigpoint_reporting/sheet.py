@@ -26,6 +26,7 @@ TALLEST = 2250
 LEFT, BETWEEN, RIGHT, ABOVE, BELOW, LEGEND = 90, 45, 50, 60, 40, 190
 NOTE = 29  # pixels: a line of a panel's note
 BAND = 34  # pixels: height of a colour in the legend
+HATCH = 7  # pixels from line to line
 SMALL = 6.5  # points
 SCALES = np.array([m * 10.0**k for k in range(1, 6) for m in (1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 7.5)])
 
@@ -66,12 +67,15 @@ class Legend:
         What stands at the k + 1 ends of the bands; empty for none.
     extra : sequence of (colour, text)
         Further colours, each with its meaning.
+    hatched : colour, optional
+        One of them that is crossed by black lines, to be known in a grey print too.
     """
 
     title: str
     colours: Colours
     edges: Sequence[str]
     extra: Sequence[tuple[Colours, str]] = field(default_factory=tuple)
+    hatched: Colours | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,6 +175,9 @@ def draw(
             row = height - round((edge - panels[k].window[1]) / plan.pixel)
             dashes = np.arange(width) % 20 < 12
             place[max(0, row - 1) : row + 1, dashes] = 0
+    if legend.hatched is not None:
+        lines = np.add.outer(np.arange(plan.height), np.arange(WIDTH)) % HATCH < 2
+        sheet[lines & (sheet == legend.hatched).all(axis=2)] = 0
     return to_png(sheet)
 
 

@@ -1,10 +1,11 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from trigpoint_reporting.sheet import PER_MM, WIDTH, Legend, Panel, draw, lay_out, to_png
+from trigpoint_reporting.sheet import HATCH, PER_MM, WIDTH, Legend, Panel, draw, lay_out, to_png
 
 BLUE, RED = np.array([0, 34, 78], np.uint8), np.array([213, 94, 0], np.uint8)
 LEGEND = Legend("Distance", np.array([BLUE]), ("0", "1"), ((RED, "beyond"),))
@@ -97,3 +98,17 @@ def test_few_colours_get_a_palette_and_many_survive():
         content = to_png(pixels)
         assert (Image.open(io.BytesIO(content)).mode == "P") == (colours <= 256)
         np.testing.assert_array_equal(opened(content), pixels)
+
+
+def test_a_hatched_colour_is_crossed_by_lines_and_no_other_is():
+    panels = [panel(20, 30)]
+    plan = lay_out(panels)
+    width, height = plan.sizes[0]
+    picture = np.full((height, width, 3), BLUE, np.uint8)
+    picture[: height // 2] = RED
+    sheet = opened(draw(panels, plan, [picture], replace(LEGEND, hatched=np.array(RED))))
+    left, top = plan.corners[0]
+    place = sheet[top : top + height, left : left + width]
+    black = (place == 0).all(axis=2)
+    assert black[: height // 2].mean() == pytest.approx(2 / HATCH, rel=0.05)
+    assert not black[height // 2 :].any()
