@@ -15,7 +15,7 @@ from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
 from trigpoint_panel.fingerprints import Fingerprints
 from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
-from trigpoint_panel.projects import project_tables, without_none
+from trigpoint_panel.projects import contents, holds_pairs, project_tables, without_none
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
 FORMAT = "trigpoint-session/1"
@@ -48,6 +48,8 @@ class Opened:
         Of an autosave: the session that it was made of.
     fingerprints : Fingerprints
         Of the files that were looked at.
+    read : dict of Path to str or None
+        SHA-256 of the project.toml and its picks as they were read; None: it was not there.
     """
 
     state: State
@@ -55,6 +57,7 @@ class Opened:
     doubts: tuple[str, ...]
     saved_as: Path | None
     fingerprints: Fingerprints
+    read: dict[Path, str | None]
 
 
 def document_text(
@@ -149,6 +152,11 @@ def read_document(path: Path) -> Opened:
         message = f"{path.name} is no session: {str(error).rstrip('.')}."
         raise SessionError(message) from error
     known = Fingerprints()
+    read = contents(state)
+    # What the pairs were saved beside: what has come into that file since is not among them.
+    said = files.get(f"picks {state.reconstruction}", {}).get("sha256")
+    if state.given.picks is not None and isinstance(said, str) and not holds_pairs(state):
+        read[state.given.picks] = said
     cameras = document.get("cameras")
     return Opened(
         state,
@@ -156,6 +164,7 @@ def read_document(path: Path) -> Opened:
         tuple(_doubts(state, files, known)),
         session,
         known,
+        read,
     )
 
 

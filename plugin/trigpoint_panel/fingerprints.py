@@ -1,4 +1,4 @@
-"""Fingerprints: the SHA-256 of input files, by which a session knows them again."""
+"""Fingerprints: the SHA-256 of files, by which a session knows them again."""
 
 from __future__ import annotations
 
@@ -6,6 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from trigpoint.delivery import sha256
+
+
+def content_of(path: Path) -> str | None:
+    """Return the SHA-256 of a file read anew; None where there is none to read."""
+    try:
+        return sha256(path)
+    except OSError:
+        return None
 
 
 class Fingerprints:

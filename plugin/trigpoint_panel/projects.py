@@ -29,6 +29,7 @@ from trigpoint.project import (
     read_project,
 )
 from trigpoint.starter import PROJECT
+from trigpoint_panel.fingerprints import content_of
 from trigpoint_panel.pairs import Pairs, complete, from_picks, to_picks
 from trigpoint_panel.state import NOWHERE, State, with_given
 
@@ -120,7 +121,25 @@ def state_from_project(
     return State(project, given.name, pairs), tuple(doubts)
 
 
-def write_project(state: State, path: Path | str) -> Project:
+def contents(state: State) -> dict[Path, str | None]:
+    """Return the SHA-256 of the files that `write_project` writes; None where one is not there."""
+    files = (state.project.path, state.given.picks)
+    return {path: content_of(path) for path in files if path is not None and path != NOWHERE}
+
+
+def holds_pairs(state: State) -> bool:
+    """Whether the picks file holds just what `write_project` would write there."""
+    try:
+        crs = reference_crs(state.project)
+    except TrigpointError:
+        return False
+    picks = state.given.picks
+    return picks is not None and _holds(picks, complete(state.first or state.pairs), crs)
+
+
+def write_project(
+    state: State, path: Path | str, *, read: Mapping[Path, str | None] | None = None
+) -> Project:
     """Write a state as the project.toml and picks file that `trigpoint audit` takes.
 
     What is there already and says the same is left as it is, to the byte; where it says something
@@ -132,6 +151,9 @@ def write_project(state: State, path: Path | str) -> Project:
     state : State
     path : path
         Of the project.toml.
+    read : mapping of Path to str or None, optional
+        What `contents` found when the state was read: what someone has written there since is
+        not overwritten.
 
     Returns
     -------
@@ -151,15 +173,27 @@ def write_project(state: State, path: Path | str) -> Project:
         message = f"{path} is another project's: choose another folder or name."
         raise ProjectError(message)
     pairs = complete(state.first or state.pairs)
+    crs, read = reference_crs(state.project), read or {}
     picks_path = state.given.picks
+    if picks_path is not None and path != state.project.path and _changed(picks_path, read):
+        picks_path = None  # elsewhere means the picks as well
     if picks_path is None and pairs:
-        picks_path = _free(path, pairs, reference_crs(state.project))
+        picks_path = _free(path, pairs, crs)
     project = with_given(state, replace(state.given, picks=picks_path))
     project = replace(project, path=path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         text = path.read_text(encoding="utf-8-sig") if path.exists() else PROJECT
-        if not _says(text, project):
+        says = _says(text, project)
+        holds = picks_path is None or _holds(picks_path, pairs, crs)
+        for file, is_same in ((path, says), (picks_path, holds)):
+            if file is not None and not is_same and _changed(file, read):
+                message = (
+                    f"{file.name} has changed since it was read: open the project again, "
+                    "or save elsewhere."
+                )
+                raise ProjectError(message)
+        if not says:
             text = _edited(text, project)
             if not _says(text, project):
                 text = project_toml(project)
@@ -168,8 +202,7 @@ def write_project(state: State, path: Path | str) -> Project:
     except OSError as error:
         message = f"{path.name} can't be written: {error.strerror or error}."
         raise ProjectError(message) from error
-    crs = reference_crs(project)
-    if picks_path is not None and not _holds(picks_path, pairs, crs):
+    if picks_path is not None and not holds:
         write_picks(picks_path, to_picks(pairs), crs=crs)
     return read_project(path)
 
@@ -247,6 +280,12 @@ def _free(project: Path, pairs: Pairs, crs: pyproj.CRS | None) -> Path:
             return path
     message = f"{path} is another session's: choose another folder or name."
     raise ProjectError(message)
+
+
+def _changed(path: Path, read: Mapping[Path, str | None]) -> bool:
+    """Whether a file that was read holds something else now; one that has gone holds nothing."""
+    now = content_of(path)
+    return path in read and now is not None and now != read[path]
 
 
 def _holds(path: Path, pairs: Pairs, crs: pyproj.CRS | None) -> bool:

@@ -14,9 +14,9 @@ from trigpoint_panel.documents import (
     document_text,
     read_document,
 )
-from trigpoint_panel.fingerprints import Fingerprints
+from trigpoint_panel.fingerprints import Fingerprints, content_of
 from trigpoint_panel.model import Model
-from trigpoint_panel.projects import state_from_project, write_project
+from trigpoint_panel.projects import contents, state_from_project, write_project
 from trigpoint_panel.state import NOWHERE, State
 
 SUFFIX = ".trig.json"
@@ -39,8 +39,9 @@ def read_session(path: Path | str, *, reconstruction: str = "") -> Opened:
     path = Path(path).absolute()
     if path.suffix.lower() != ".toml":
         return read_document(path)
+    read = content_of(path)
     state, doubts = state_from_project(path, reconstruction=reconstruction)
-    return Opened(state, {}, doubts, None, Fingerprints())
+    return Opened(state, {}, doubts, None, Fingerprints(), {**contents(state), path: read})
 
 
 class Session:
@@ -64,6 +65,7 @@ class Session:
         # Two windows without a file do not share an autosave.
         self._unsaved = scratch / f"unsaved-{uuid.uuid4().hex[:8]}{SUFFIX}~"
         self._known = Fingerprints()
+        self._read: dict[Path, str | None] = {}
         self._saved: State | None = _content(model.state)
         self._autosaved: set[Path] = set()
 
@@ -205,7 +207,8 @@ class Session:
         Raises
         ------
         TrigpointError
-            See `trigpoint_panel.projects.write_project`; also if no place is known.
+            See `trigpoint_panel.projects.write_project`, also for what was changed outside; and
+            if no place is known.
         """
         known = self.model.state.project.path
         if path is None and known != NOWHERE:
@@ -216,8 +219,9 @@ class Session:
             message = "This session has no file yet: save it first, the project goes beside it."
             raise SessionError(message)
         unchanged = not self.is_modified
-        project = write_project(self.model.state, path)
+        project = write_project(self.model.state, path, read=self._read)
         self.model.set_project(project)
+        self._read = contents(self.model.state)
         if unchanged:
             self._saved = _content(self.model.state)
         return project.path
@@ -225,6 +229,7 @@ class Session:
     def _take(self, opened: Opened) -> None:
         self.cameras = opened.cameras
         self._known = opened.fingerprints
+        self._read = opened.read
         self.model.load(opened.state)
 
     def _write(self, to: Path, *, autosaving: bool = False) -> None:

@@ -404,6 +404,48 @@ def test_a_changed_session_gives_other_results_and_keeps_the_comments(small_proj
     assert read_session(project).state == replace(session.model.state, selected=None)
 
 
+@pytest.mark.parametrize("saved", [False, True])
+def test_what_was_edited_outside_is_not_overwritten(small_project, tmp_path, saved):
+    project, _ = small_project()
+    picks = project.with_name("picks.csv")
+    session = Session(Model(), scratch=tmp_path / "scratch")
+    session.open(project)
+    if saved:
+        session.save(tmp_path / "a.trig.json")
+        session, _ = again(session)
+    session.model.set_role({"c1"}, "off")
+    for path, old, new in (
+        (picks, "c2", "sill"),
+        (project, "accuracy_m = 0.02", "accuracy_m = 0.05"),
+    ):
+        before = path.read_text()
+        path.write_text(before.replace(old, new))
+        edited = {each: each.read_bytes() for each in (project, picks)}
+        with pytest.raises(TrigpointError, match=f"^{path.name} has changed since it was read: "):
+            session.write_project()
+        assert {each: each.read_bytes() for each in edited} == edited
+        path.write_text(before)
+    session.write_project()  # both are again as they were read
+    picks.write_text(picks.read_text().replace("c2", "sill"))
+    session.model.set_role({"c1"}, "check")
+    there = session.write_project(tmp_path / "elsewhere" / "project.toml")
+    assert "c2" in there.with_name("picks.csv").read_text()
+    assert "sill" in picks.read_text()
+    session.model.set_role({"c1"}, "off")
+    session.write_project()
+
+
+def test_picks_that_the_session_itself_wrote_are_not_changed_outside(small_project, tmp_path):
+    session = Session(Model(), scratch=tmp_path / "scratch")
+    session.open(small_project()[0])
+    session.model.set_role({"c1"}, "off")
+    session.save(tmp_path / "a.trig.json")
+    session.write_project()
+    session, _ = again(session)
+    session.model.set_role({"c2"}, "off")
+    session.write_project()
+
+
 def test_the_project_of_another_is_not_overwritten(small_project, started):
     project, _ = small_project()
     before = project.read_bytes()
