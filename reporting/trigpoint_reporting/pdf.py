@@ -24,6 +24,10 @@ from trigpoint_templates import FOLDER, FONTS, PRINT_CSS
 Variant = Literal["a-3a", "a-2a"]
 # Where a project states no date: one that is visibly none.
 NO_DATE = dt.date(1980, 1, 1)
+# No style prints these, and reading them takes time. A project's texts are escaped: none is markup.
+UNPRINTED = re.compile(
+    r'<details class="code">.*?</details>|<figure class="viewer">.*?</figure>', re.DOTALL
+)
 LIBRARIES = "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0"
 # Stated here and not guessed by each machine for itself.
 MEDIA_TYPES = {
@@ -79,7 +83,7 @@ def write_pdf(
         raise PdfError(message)
     # After the report's own style and not through `stylesheets`, which it would overrule.
     sheet = f"<style>{PRINT_CSS.read_text('utf-8')}\n{_fallback_fonts()}</style></head>"
-    styled = html.replace("</head>", sheet, 1)
+    styled = UNPRINTED.sub("", html).replace("</head>", sheet, 1)
     moment = dt.datetime.combine(date or NO_DATE, dt.time())
     files = [
         weasyprint.Attachment(
