@@ -301,6 +301,20 @@ def test_what_can_not_be_written_is_refused_by_name(tmp_path):
         write(tmp_path / "nowhere" / "cloud.laz", cloud_at(UTM))
 
 
+@pytest.mark.parametrize("suffix", [".laz", ".las", ".ply", ".xyz"])
+@pytest.mark.parametrize("room", [100, 100_000])
+def test_a_disk_that_fills_up_is_said_with_the_path(tmp_path, suffix, room):
+    resource = pytest.importorskip("resource", reason="a limit on the size of files")
+    cloud, limit = cloud_at(UTM, n=50_000), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limit[1]))
+    try:
+        with pytest.raises(CloudError, match=rf"cloud\{suffix} can't be written: File too large"):
+            write(tmp_path / f"cloud{suffix}", cloud)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_can_not_be_read_is_refused_by_name(tmp_path):
     with pytest.raises(CloudError, match="there is no such file"):
         read(tmp_path / "cloud.laz")

@@ -95,9 +95,20 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
             if entry.data_type:
                 entry.options &= ~(entry.MIN_BIT_MASK | entry.MAX_BIT_MASK)
 
-    with laspy.open(path, mode="w", header=header) as writer:
-        for chunk in chain([first], chunks):
-            writer.write_points(_packed(chunk, header, layout))
+    compressed = path.suffix.lower() == ".laz"
+    try:
+        with (
+            path.open("wb+") as file,
+            laspy.open(
+                file, mode="w", header=header, do_compress=compressed, closefd=False
+            ) as writer,
+        ):
+            for chunk in chain([first], chunks):
+                writer.write_points(_packed(chunk, header, layout))
+    except lazrs.LazrsError as error:
+        # It says that it could not write and not why; closing the file says why, where it still
+        # has something to write.
+        raise OSError(str(error)) from error
     coarse = header.scales[0] > (GROUND_STEP if plan.crs else LOCAL_STEP)
     return (*dropped, *([_coarse(header)] if coarse else []))
 
