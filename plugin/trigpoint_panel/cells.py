@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from trigpoint.errors import PicksError
-from trigpoint_panel.pairs import ROLES, SIDES, Pair, Side
+from trigpoint.picks import FARTHEST
+from trigpoint_panel.pairs import ROLES, SIDES, Pair, Side, sigma_of
 
 Column = Literal[
     "id",
@@ -39,7 +40,7 @@ def typed_place(half: Draft, axis: int, text: str) -> Draft:
     Raises
     ------
     PicksError
-        If the text is neither one number nor three.
+        If the text is neither one number nor three, or a number is too large.
 
     Examples
     --------
@@ -49,6 +50,10 @@ def typed_place(half: Draft, axis: int, text: str) -> Draft:
     (741008.4, 4279056.3, 153.8)
     """
     numbers = _numbers(text)
+    for number in numbers:
+        if abs(number) > FARTHEST:
+            message = f"{number:g} is no coordinate: type numbers up to {FARTHEST:g}."
+            raise PicksError(message)
     if len(numbers) == 3:
         return numbers[0], numbers[1], numbers[2]
     if len(numbers) != 1:
@@ -75,11 +80,7 @@ def typed_cell(pair: Pair, column: str, text: str) -> Pair:
                 return replace(pair, role=role)
         message = f"The role {bare!r} is not known: type control, check or off."
         raise PicksError(message)
-    sigma = _number(bare) if bare else None
-    if sigma is not None and not sigma > 0:
-        message = f"A sigma of {bare} can't be: type a number above zero, or none."
-        raise PicksError(message)
-    changes: dict[str, Any] = {column: sigma}
+    changes: dict[str, Any] = {column: sigma_of(_number(bare)) if bare else None}
     return replace(pair, **changes)
 
 

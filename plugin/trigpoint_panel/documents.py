@@ -14,7 +14,7 @@ from trigpoint.picks import FARTHEST
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
 from trigpoint_panel.fingerprints import Fingerprints
-from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
+from trigpoint_panel.pairs import LARGEST_SIGMA, ROLES, Pair, Pairs, Place
 from trigpoint_panel.projects import contents, holds_pairs, project_tables, without_none
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
@@ -324,7 +324,7 @@ def _place(value: Any, name: str) -> Place | None:
 def _sigma(value: Any, name: str) -> float | None:
     if value is None:
         return None
-    if not _is_number(value) or not value > 0:
+    if not _is_number(value) or not 0 < value <= LARGEST_SIGMA:
         _refuse(f"pair {name!r} has {_shown(value)} for a sigma")
     return float(value)
 

@@ -12,11 +12,14 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
-from trigpoint.picks import Picks, picks_from
+from trigpoint.picks import FARTHEST, Picks, picks_from
 
 Side = Literal["source", "target"]
 Role = Literal["control", "check", "off"]
 Place = tuple[float, float, float]
+
+# No pick is as uncertain as this, in any unit; the squares of far larger ones overflow.
+LARGEST_SIGMA = 1e6
 
 SIDES: tuple[Side, Side] = get_args(Side)
 ROLES: tuple[Role, Role, Role] = get_args(Role)
@@ -187,7 +190,7 @@ def to_picks(pairs: Pairs) -> Picks:
 
 
 def from_picks(picks: Picks) -> Pairs:
-    """Return the engine's Picks as pairs."""
+    """Return the engine's Picks as pairs, or raise PicksError for what the panel can't hold."""
     names = [str(name) for name in picks.extra]
     extras = picks.extra.astype(str).to_numpy().tolist()
     return tuple(
@@ -228,13 +231,25 @@ def refuse_taken(pairs: Pairs, name: str) -> str:
 
 
 def place_of(xyz: ArrayLike) -> Place:
-    """Return three finite numbers as a place, or raise PicksError."""
+    """Return three numbers that can be coordinates as a place, or raise PicksError."""
     values = np.asarray(xyz, np.float64)
-    if values.shape != (3,) or not np.isfinite(values).all():
-        message = f"{values.tolist()} is no place: give three finite numbers."
+    # NaN is not below anything either.
+    if values.shape != (3,) or not (np.abs(values) <= FARTHEST).all():
+        message = f"{values.tolist()} is no place: give three finite numbers up to {FARTHEST:g}."
         raise PicksError(message)
     x, y, z = values.tolist()
     return x, y, z
+
+
+def sigma_of(value: float) -> float:
+    """Return a number that can be a sigma, or raise PicksError."""
+    if not 0 < value <= LARGEST_SIGMA:
+        message = (
+            f"A sigma of {value:g} can't be: give a number above zero, up to "
+            f"{LARGEST_SIGMA:,.0f}, or none."
+        )
+        raise PicksError(message)
+    return float(value)
 
 
 def _sigmas(values: list[float | None]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -242,4 +257,4 @@ def _sigmas(values: list[float | None]) -> np.ndarray[tuple[int], np.dtype[np.fl
 
 
 def _known(sigma: float) -> float | None:
-    return None if np.isnan(sigma) else float(sigma)
+    return None if np.isnan(sigma) else sigma_of(sigma)

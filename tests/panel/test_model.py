@@ -273,6 +273,8 @@ def test_what_was_typed_is_forgotten_with_its_pair_or_its_pick():
         ("source_x", "1,234.5", "not a number"),
         ("source_x", "1_0", "not a number"),
         ("sigma_source", "-1", "above zero"),
+        ("sigma_target", "1e308", "up to 1,000,000"),
+        ("source_x", "1e13", "no coordinate"),
         ("role", "checker", "control, check or off"),
         ("id", "P2", "already"),
     ],
