@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from trigpoint import delivery
 from trigpoint.delivery import archive_of, sha256, whole_folder, write_csv
 from trigpoint.errors import ProjectError
 
@@ -70,6 +71,8 @@ def test_a_kill_never_leaves_the_zip_of_another_run_beside_a_folder(tmp_path, mo
         (draft / "a.txt").write_text("first")
     archive_of(tmp_path / "r1").write_text("of first")
     killed = {"rename": "pathlib.Path.rename", "rmtree": "shutil.rmtree"}[moment]
+    if moment == "rename":  # where the system can't swap two folders
+        monkeypatch.setattr(delivery, "_exchanged", lambda *_: False)
     with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "r1") as draft:
         (draft / "a.txt").write_text("second")
 
@@ -82,6 +85,33 @@ def test_a_kill_never_leaves_the_zip_of_another_run_beside_a_folder(tmp_path, mo
         moment
     ]
     assert not archive_of(tmp_path / "r1").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux swaps two folders in one step")
+def test_no_moment_is_without_a_whole_folder(tmp_path, monkeypatch):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+    moved = []
+    monkeypatch.setattr(delivery.Path, "rename", lambda *paths: moved.append(paths))
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("second")
+    assert (contents(tmp_path), moved) == ({"r1/a.txt": "second"}, [])
+
+
+def test_a_claim_lasts_until_everything_is_in_its_place(tmp_path, monkeypatch):
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+
+    def put(*_):
+        with (
+            pytest.raises(ProjectError, match="Another run is writing"),
+            whole_folder(tmp_path / "r1"),
+        ):
+            pass
+
+    monkeypatch.setattr(delivery, "_put", put)
+    with whole_folder(tmp_path / "r1"):
+        pass
 
 
 def test_a_failure_keeps_the_zip_of_the_folder_that_stays(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import shutil
@@ -41,9 +42,10 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     folder.parent.mkdir(parents=True, exist_ok=True)
     draft = folder.with_name(f".{folder.name}.draft")
     previous = folder.with_name(f".{folder.name}.previous")
-    if previous.exists() and not folder.exists():
-        previous.rename(folder)  # killed between the two renames below
-    with _claimed(draft):
+    with _claimed(folder):
+        if previous.exists() and not folder.exists():
+            previous.rename(folder)  # killed between the two renames of `_put`
+        draft.mkdir(exist_ok=True)
         for leftover in (previous, *draft.iterdir()):
             if leftover.is_dir() and not leftover.is_symlink():
                 shutil.rmtree(leftover)
@@ -55,10 +57,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
             shutil.rmtree(draft, ignore_errors=True)
             raise
         archive_of(folder).unlink(missing_ok=True)
-        if folder.exists():
-            folder.rename(previous)
-        draft.rename(folder)
-        shutil.rmtree(previous, ignore_errors=True)
+        _put(draft, folder, previous)
 
 
 def archive_of(folder: Path) -> Path:
@@ -66,22 +65,50 @@ def archive_of(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.zip")
 
 
+def _put(draft: Path, folder: Path, previous: Path) -> None:
+    """Put a finished draft in its folder's place, in one step where the system can."""
+    if not folder.exists():
+        draft.rename(folder)
+    elif _exchanged(draft, folder):
+        shutil.rmtree(draft, ignore_errors=True)
+    else:
+        folder.rename(previous)
+        draft.rename(folder)
+        shutil.rmtree(previous, ignore_errors=True)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    # Linux alone can swap two folders so that no moment is without either; Python does not ask it.
+    exchange = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
+    if exchange is None:
+        return False
+    here = -100  # AT_FDCWD
+    swap = 2  # RENAME_EXCHANGE
+    return bool(exchange(here, os.fsencode(one), here, os.fsencode(other), swap) == 0)
+
+
 @contextmanager
-def _claimed(draft: Path) -> Iterator[None]:
-    """Hold a draft for this process alone; the claim ends with the process, however it ends."""
-    draft.mkdir(exist_ok=True)
+def _claimed(folder: Path) -> Iterator[None]:
+    """Hold a folder for this process alone; the claim ends with the process, however it ends."""
     if fcntl is None:
         yield
         return
-    handle = os.open(draft, os.O_RDONLY)
+    lock = folder.with_name(f".{folder.name}.lock")
+    handle = os.open(lock, os.O_RDWR | os.O_CREAT)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        message = f"Another run is writing {draft.parent / draft.name[1:-6]} now; wait for it."
-        raise ProjectError(message) from error
-    try:
-        yield
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Whoever held it last may have taken it away meanwhile.
+            held = lock.exists() and os.path.samestat(os.fstat(handle), lock.stat())
+        except BlockingIOError:
+            held = False
+        if not held:
+            message = f"Another run is writing {folder} now; wait for it."
+            raise ProjectError(message)
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
     finally:
         os.close(handle)
 
