@@ -53,6 +53,8 @@ app = typer.Typer(
 
 # What a shell reports of a program that wrote to a closed pipe.
 BROKEN_PIPE = 141
+# What Typer makes of Ctrl-C.
+INTERRUPTED = 130
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Crs = Annotated[str, typer.Option(help="Assign a CRS, such as EPSG:32615; it never reprojects.")]
@@ -64,6 +66,8 @@ def main() -> NoReturn:
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
     except (BrokenPipeError, SystemExit):
         # Who read the output has gone, as `head` does. Rich and Typer would exit with 1 for it,
         # which here says that a limit failed; nothing else exits by itself.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import tempfile
 from pathlib import Path
@@ -66,6 +67,10 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
         try:
             with log.open("wb") as said:
                 client.execute(env=_environment(private), stderr=said, cleanup_kc=True)
+        except (asyncio.CancelledError, AssertionError) as error:
+            # What comes of Ctrl-C in the loop that drives the kernel: a task that was called off,
+            # or a kernel that was never there to be cleaned up.
+            raise KeyboardInterrupt from error
         except CellExecutionError as error:
             message = f"A cell of the notebook failed: {error.ename}: {error.evalue}"
             raise NotebookError(message) from error
