@@ -39,6 +39,7 @@ from trigpoint_panel.host import Host
 from trigpoint_panel.jobs import Job, Tick, told
 from trigpoint_panel.measuring import Bench, Findings
 from trigpoint_panel.model import Model
+from trigpoint_panel.opening import Opened
 from trigpoint_panel.pairs import SIDES, Side
 from trigpoint_panel.report_tab import ReportTab
 from trigpoint_panel.session import Session
@@ -171,7 +172,9 @@ class Panel(QWidget):
             "Comparing",
             lambda tick: self._bench.compare(tick, state, similarity, source.cloud, target.cloud),
         )
-        job.done.connect(lambda findings: self._compared(findings, asked))
+        job.done.connect(
+            lambda findings: self._compared(findings, asked, {"source": source, "target": target})
+        )
         self.tabs.setCurrentWidget(self.errors_tab)
         return self._begin(job)
 
@@ -340,6 +343,7 @@ class Panel(QWidget):
             view.refused.connect(partial(self.host.message, "info"))
             view.dropped.connect(lambda path, side=side: desk.open_dropped(Path(path), side))
         views.hovered.connect(self.foot.where.setText)
+        views.clouds_changed.connect(self._drop_findings)
         self.bar.snap_changed.connect(views.set_snap)
         views.target.set_overlay_opacity(OPACITY)
         self.table.flown.connect(self._fly)
@@ -473,9 +477,23 @@ class Panel(QWidget):
         found = self.model.end_second_operator(adopt=adopt)
         self.host.message("success", found.statement)
 
-    def _compared(self, findings: Findings, asked: object) -> None:
+    def _compared(
+        self, findings: Findings, asked: object, measured: dict[Side, Opened | None]
+    ) -> None:
+        if any(measured[side] is not self.views.opened[side] for side in SIDES):
+            self.host.message("info", "Another cloud was opened meanwhile: compare again.")
+            return
         self.views.set_findings(findings)
         self.errors_tab.set_findings(findings, asked)
+
+    def _drop_findings(self) -> None:
+        """Forget distances and zones: they were one for each point of a cloud that has gone."""
+        if self.errors_tab.findings is None:
+            return
+        self.errors_tab.set_findings(None)
+        self.views.set_findings(None)
+        for side in SIDES:
+            self.views.view(side).isolate(None)
 
     def _isolate(self, zone: str | None) -> None:
         findings = self.errors_tab.findings

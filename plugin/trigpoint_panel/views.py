@@ -33,9 +33,12 @@ class TwoViews(QSplitter):
     ----------
     hovered : Signal(str)
         Where the mouse rests, in words; empty: nowhere.
+    clouds_changed : Signal()
+        Another cloud is shown on one side, or none.
     """
 
     hovered = Signal(str)
+    clouds_changed = Signal()
 
     def __init__(
         self, model: Model, parent: QWidget | None = None, *, canvas: CanvasKind = "auto"
@@ -72,6 +75,7 @@ class TwoViews(QSplitter):
         self._place_overlay()
         self._set_snap()
         self.refresh()
+        self.clouds_changed.emit()
 
     def refresh(self) -> None:
         """Take over what the model holds now."""

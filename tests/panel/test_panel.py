@@ -277,6 +277,26 @@ def test_a_zone_is_isolated_by_choosing_its_row(panel, host, clouds, qtbot):
     assert [level for level, *_ in host.said if level == "error"] == []
 
 
+def test_findings_go_with_the_cloud_that_they_were_of(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    panel.compare()
+    qtbot.waitUntil(lambda: panel.errors_tab.findings is not None, timeout=20_000)
+    panel.errors_tab.choose_zone("upper")
+    kept, shown = panel.errors_tab.findings, dict(panel.views.opened)
+    write(clouds / "few.ply", cloud_from(CORNERS))
+    panel.open_cloud("source", clouds / "few.ply")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert panel.errors_tab.findings is None
+    assert "distance" not in panel.views.target.scene.modes
+    panel.errors_tab.choose_zone("upper")
+    panel._compared(kept, None, shown)  # as one that was under way
+    assert panel.errors_tab.findings is None
+    assert [text for level, text, *_ in host.said if level != "success"] == [
+        "Another cloud was opened meanwhile: compare again."
+    ]
+
+
 def test_icp_is_an_experiment_that_can_be_adopted_and_discarded(panel, clouds, qtbot):
     load(panel, clouds, qtbot)
     feed(panel)
