@@ -173,6 +173,8 @@ def test_a_threshold_that_is_no_distance_is_refused():
     for bad in (0, -0.1, np.nan):
         with pytest.raises(RegionError, match="must be above zero"):
             compare(cloud, cloud, within=(0.1, bad))
+    with pytest.raises(RegionError, match=r"thresholds 0\.1, 0\.2, 0\.1 hold one twice"):
+        compare(cloud, cloud, within=(0.1, 0.2, 0.1))
 
 
 def test_files_are_compared_as_clouds_in_memory_are(tmp_path):

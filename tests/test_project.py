@@ -115,6 +115,12 @@ REFUSED = {
     "an unknown kind": ('"photogrammetry"', '"lidar"', "one of neural, photogrammetry"),
     "an unknown cross check": ('"scale_bar"', '"yardstick"', "one of scale_bar, up_direction"),
     "a scale bar of two numbers": ("to = [1, 0, 0]", "to = [1, 0]", "three numbers"),
+    "a scale bar that starts nowhere": (
+        "from = [0, 0, 0]",
+        "from = [0, 0]",
+        r"\[cross_check\] from is",
+    ),
+    "a scale bar without a start": ("from = [0, 0, 0]\n", "", "lacks 'from'"),
     "a scale bar of no length": ("to = [1, 0, 0]", "to = [0, 0, 0]", "another point"),
     "picks repeated without picks": (
         'picks = "picks.csv"',
@@ -151,6 +157,20 @@ REFUSED = {
         "leaves the project's folder",
     ),
     "an empty path": ('"lidar.laz"', '""', "path of a file"),
+    "a path with a NUL": ('"lidar.laz"', '"a\\u0000b"', "without NUL"),
+    "brackets without end": ("[alignment]", f"a = {5000 * '['}\n[alignment]", "too deep"),
+    "a number of 5000 digits": ("threshold_m = 1", f"trials = {5000 * '1'}", "it holds a number"),
+    "a number beyond every float": ("threshold_m = 1", f"threshold_m = {'9' * 400}", "a finite"),
+    "a hexadecimal without end": ("threshold_m = 1", f"trials = 0x{'f' * 5000}", "at most"),
+    "more trials than fit": ("threshold_m = 1", "trials = 10_000_001", "at most 10,000,000"),
+    "a seed beyond 63 bits": ("threshold_m = 1", "seed = 9223372036854775808", "at most 9,223"),
+    "a threshold twice": (
+        "zones = [0.5]",
+        "within_m = [0.1, 0.2, 0.1]",
+        r"within_m is \[0\.1, 0\.2, 0\.1\]; it must be thresholds that differ",
+    ),
+    "an id too long": ('id = "tower"', f'id = "{101 * "a"}"', "at most 100 characters, not 101"),
+    "a name too long": ('name = "sfm"', f'name = "{101 * "a"}"', "at most 100 characters"),
     "text that is not TOML": ("[alignment]", "[alignment", "not valid TOML"),
     "one table where several may stand": ("[[limit]]", "[limit]", r"written \[\[limit\]\]"),
 }
@@ -160,8 +180,9 @@ REFUSED = {
 def test_refuses(case, written):
     old, new, words = REFUSED[case]
     assert old in WHOLE
-    with pytest.raises(ProjectError, match=words):
+    with pytest.raises(ProjectError, match=words) as caught:
         read_project(written(WHOLE.replace(old, new, 1)))
+    assert len(str(caught.value)) < 300
 
 
 def test_a_link_does_not_lead_out_of_the_folder(written, tmp_path):

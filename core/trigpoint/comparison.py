@@ -263,6 +263,9 @@ def _refuse_thresholds(within: Sequence[float]) -> None:
     if bad:
         message = f"The thresholds {', '.join(map(str, bad))} must be above zero, in metres."
         raise RegionError(message)
+    if len(set(within)) < len(within):
+        message = f"The thresholds {', '.join(map(str, within))} hold one twice; name each once."
+        raise RegionError(message)
 
 
 def _thresholds_on_the_lattice(

@@ -177,6 +177,19 @@ LOWEST = {
     ("cross_check", "sigma_m"): (0, False),
     ("cross_check", "sigma_deg"): (0, False),
 }
+# Beyond these the draws fill the memory, and the results no longer hold the number.
+MOST_TRIALS, LAST_SEED = 10_000_000, 2**63 - 1
+HIGHEST = {
+    ("project", "revision"): LAST_SEED,
+    ("alignment", "trials"): MOST_TRIALS,
+    ("alignment", "seed"): LAST_SEED,
+}
+# Of a name that becomes part of file names, which most systems hold to 255 bytes.
+LONGEST = 100
+SHOWN = 80
+# The ends of a scale bar, as the file names them: 'from' can't be the name of a field.
+BAR_ENDS = {"from": "start", "to": "end"}
+WRITTEN = {("cross_check", field): key for key, field in BAR_ENDS.items()}
 Section = TypeVar("Section")
 Number = TypeVar("Number", bound=float)
 NAME = "letters, digits, '.', '_' and '-', and starts with a letter or digit"
@@ -205,6 +218,12 @@ def read_project(path: str | Path) -> Project:
         raise ProjectError(message) from error
     except tomllib.TOMLDecodeError as error:
         message = f"{path.name} is not valid TOML: {error}."
+        raise ProjectError(message) from error
+    except (RecursionError, ValueError) as error:
+        # Python's own limits, which its TOML reader lets through.
+        depth = isinstance(error, RecursionError)
+        reason = "brackets too deep" if depth else "a number or a date that can't be"
+        message = f"{path.name} can't be read: it holds {reason}."
         raise ProjectError(message) from error
 
     return project_from(tables, path)
@@ -287,14 +306,14 @@ def _fill(section: type[Section], table: Mapping[str, Any], name: str, folder: P
         if key in table:
             values[key] = _value(table[key], str(field.type), (name, key), folder)
         elif field.default is MISSING:
-            message = f"[{name}] lacks '{key}'."
+            message = f"[{name}] lacks '{WRITTEN.get((name, key), key)}'."
             raise ProjectError(message)
     return section(**values)
 
 
 def _value(value: Any, kind: str, where: tuple[str, str], folder: Path) -> Any:
     """Check one value against its field's type, and convert it."""
-    label = f"[{where[0]}] {where[1]}"
+    label = f"[{where[0]}] {WRITTEN.get(where, where[1])}"
     if kind == "float | None" and where == ("comparison", "margin_m") and value == "none":
         return None
     if kind == "bool":
@@ -348,20 +367,33 @@ def _expect(value: Any, kind: type, label: str, wanted: str) -> Any:
 
 
 def _number(value: Any, label: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         _fail(label, value, "a finite number")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        number = math.inf
+    if not math.isfinite(number):
+        _fail(label, value, "a finite number")
+    return number
 
 
 def _bounded(value: Number, where: tuple[str, str], label: str) -> Number:
     lowest, allowed = LOWEST.get(where, (-math.inf, True))
     if value < lowest or (value == lowest and not allowed):
         _fail(label, value, f"{'at least' if allowed else 'above'} {lowest}")
+    if value > (highest := HIGHEST.get(where, math.inf)):
+        _fail(label, value, f"at most {highest:,}")
     return value
 
 
 def _fail(label: str, value: object, wanted: str) -> NoReturn:
-    message = f"{label} is {value!r}; it must be {wanted}."
+    try:
+        shown = repr(value)
+    except ValueError:  # Python writes no whole number of thousands of digits
+        shown = "too large a number"
+    shown = shown if len(shown) <= SHOWN else f"{shown[:SHOWN]}..."
+    message = f"{label} is {shown}; it must be {wanted}."
     raise ProjectError(message)
 
 
@@ -369,6 +401,8 @@ def _inside(text: str, folder: Path, label: str) -> Path:
     """Return the absolute path meant; a relative one may not climb out of the project's folder."""
     if not text:
         _fail(label, text, "the path of a file")
+    if "\0" in text:
+        _fail(label, text, "a path that a file can have, without NUL")
     # A file made on Windows is read on Linux, and the other way round.
     if PureWindowsPath(text).is_absolute() or PurePosixPath(text).is_absolute():
         return Path(text)
@@ -395,8 +429,7 @@ def _cross_check(table: Mapping[str, Any], folder: Path) -> Check:
     if kind == "scale_bar":
         known = ("kind", "from", "to", "length_m", "sigma_m", "of")
         refuse_unknown(table, known, "[cross_check]")
-        renamed = {"from": "start", "to": "end"}
-        values = {renamed.get(key, key): value for key, value in values.items()}
+        values = {BAR_ENDS.get(key, key): value for key, value in values.items()}
         bar = _fill(ScaleBar, values, "cross_check", folder)
         if bar.start == bar.end:
             _fail("[cross_check] to", list(bar.end), "another point than 'from'")
@@ -425,6 +458,8 @@ def _check_name(name: str, label: str) -> None:
     if not name or not set(name) <= allowed or name[0] in "._-":
         # It becomes part of file names, so it is kept to what every system can write.
         _fail(label, name, f"a name of {NAME}")
+    if len(name) > LONGEST:
+        _fail(label, name, f"at most {LONGEST} characters, not {len(name)}")
 
 
 def _check_whole(project: Project) -> None:
@@ -438,7 +473,9 @@ def _check_whole(project: Project) -> None:
         if names.count(name) > 1:
             message = f"Two [[reconstruction]] tables are named '{name}'; names must differ."
             raise ProjectError(message)
-    zones = project.comparison.zones
+    within, zones = project.comparison.within_m, project.comparison.zones
+    if len(set(within)) < len(within):
+        _fail("[comparison] within_m", list(within), "thresholds that differ")
     if list(zones) != sorted(set(zones)) or zones[-1] >= 1:
         _fail("[comparison] zones", list(zones), "fractions between 0 and 1 that rise")
     if project.about.status == "issued" and project.about.date is None:
