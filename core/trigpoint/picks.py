@@ -37,6 +37,8 @@ FEWEST = 3
 FARTHEST = 1e12
 # Coordinates this large are a map's; a reconstruction's own frame stays near its origin.
 GEOREFERENCED = 1e4
+# A nanometre, and a pick that is not known at all: far beyond, weights no longer fit a float64.
+SMALLEST_SIGMA, LARGEST_SIGMA = 1e-9, 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +121,7 @@ def picks_from(
     ------
     PicksError
         For an id that is empty or given twice, an unknown role, a coordinate that is not finite
-        or not a coordinate, and a sigma that is not above zero.
+        or not a coordinate, and a sigma outside 1e-9 to a million.
 
     Examples
     --------
@@ -331,10 +333,12 @@ def _refuse(picks: Picks) -> None:
             message = f"pick {picks.ids[bad]!r}: {column} is {values[bad]:g}, no coordinate."
             raise PicksError(message)
     for column, values in zip(SIGMAS, (picks.sigma_source, picks.sigma_target), strict=True):
-        for bad in np.flatnonzero(~(np.isnan(values) | ((values > 0) & (values < np.inf))))[:1]:
+        for bad in np.flatnonzero(
+            ~(np.isnan(values) | ((values >= SMALLEST_SIGMA) & (values <= LARGEST_SIGMA)))
+        )[:1]:
             message = (
                 f"pick {picks.ids[bad]!r}: {column} is {values[bad]:g}; give a number above zero, "
-                f"or nothing where it is not known."
+                f"{SMALLEST_SIGMA:g} to {LARGEST_SIGMA:,.0f}, or nothing where it is not known."
             )
             raise PicksError(message)
 
