@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from trigpoint.picks import FARTHEST
 from trigpoint.similarity import Similarity
 
 Vector = NDArray[np.float64]
@@ -53,6 +54,18 @@ class Camera:
     view_angle: float = 30.0
     parallel: bool = False
     parallel_scale: float = 1.0
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether a picture can be seen from there: finite, and up is not along the sight."""
+        numbers = (*self.position, *self.focal_point, *self.up, self.parallel_scale)
+        # NaN is not below anything either.
+        if not all(abs(number) <= FARTHEST for number in numbers):
+            return False
+        ahead, up = np.subtract(self.focal_point, self.position), np.asarray(self.up)
+        least = 1e-9 * float(np.linalg.norm(ahead) * np.linalg.norm(up))
+        across = float(np.linalg.norm(np.cross(ahead, up)))
+        return across > least > 0 and 0 < self.view_angle < 180 and self.parallel_scale > 0
 
     @property
     def distance(self) -> float:
@@ -145,6 +158,20 @@ class Camera:
         return (
             switched if parallel else switched.looking_at(np.asarray(self.focal_point), self.height)
         )
+
+
+def kept_camera(kept: Any) -> Camera | None:
+    """Return the camera that a session's file holds; None if it holds none that is of use."""
+    try:
+        position, focal_point, up = (
+            _position(np.array([float(number) for number in kept[name]]))
+            for name in ("position", "focal_point", "up")
+        )
+        angle, half = float(kept["view_angle"]), float(kept["parallel_scale"])
+        camera = Camera(position, focal_point, up, angle, kept["parallel"] is True, half)
+        return camera if camera.is_sound else None
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
 
 
 def camera_from(stand: Position, up: Position, place: Vector, height: float) -> Camera:

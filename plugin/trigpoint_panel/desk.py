@@ -13,7 +13,7 @@ from qtpy.QtCore import QObject
 
 from trigpoint.errors import CrsError, TrigpointError
 from trigpoint.files import carry
-from trigpoint_panel.camera import Camera
+from trigpoint_panel.camera import Camera, kept_camera
 from trigpoint_panel.foot import Foot
 from trigpoint_panel.host import Action, Host
 from trigpoint_panel.jobs import Job, Tick, told
@@ -263,7 +263,7 @@ class Desk(QObject):
             places = opened.cloud.xyz[np.sort(rows)] + opened.cloud.origin
             self._model.set_survey([opened.info.low, opened.info.high], places)
         self._views.set_cloud(side, opened)
-        camera = _camera(self._session.cameras.get(side))
+        camera = kept_camera(self._session.cameras.get(side))
         if camera is not None:
             self._views.view(side).set_camera(camera)
         for caution in opened.info.cautions:
@@ -314,15 +314,3 @@ class Desk(QObject):
 def _kept(camera: Camera) -> dict[str, Any]:
     """Return a camera as a session's file holds it."""
     return asdict(camera)
-
-
-def _camera(kept: Any) -> Camera | None:
-    """Return the camera that a session's file holds; None if it holds none."""
-    try:
-        values: dict[str, Any] = {
-            name: tuple(map(float, value)) if isinstance(value, list | tuple) else value
-            for name, value in kept.items()
-        }
-        return Camera(**values)
-    except (AttributeError, TypeError, ValueError):
-        return None

@@ -13,6 +13,7 @@ from trigpoint.errors import ProjectError, TrigpointError
 from trigpoint.picks import FARTHEST
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
+from trigpoint_panel.camera import kept_camera
 from trigpoint_panel.fingerprints import Fingerprints
 from trigpoint_panel.pairs import LARGEST_SIGMA, ROLES, Pair, Pairs, Place
 from trigpoint_panel.projects import contents, holds_pairs, project_tables, without_none
@@ -41,7 +42,7 @@ class Opened:
     ----------
     state : State
     cameras : dict
-        Of each view, as it was saved; the panel's own business.
+        Of each view, as it was saved; one that nothing can be seen from is left out.
     doubts : tuple of str
         A sentence for each file that has moved or changed since.
     saved_as : Path or None
@@ -160,7 +161,9 @@ def read_document(path: Path) -> Opened:
     cameras = document.get("cameras")
     return Opened(
         state,
-        cameras if isinstance(cameras, dict) else {},
+        {side: kept for side, kept in cameras.items() if kept_camera(kept) is not None}
+        if isinstance(cameras, dict)
+        else {},
         tuple(_doubts(state, files, known)),
         session,
         known,

@@ -415,6 +415,8 @@ class Scene:
         if not len(sample):
             return
         camera, (width, height) = self._camera, self.size
+        if not camera.is_sound:
+            camera = camera_from(CORNER, self._up, self.origin, 1.0)
         ahead = np.subtract(camera.focal_point, camera.position)
         ahead /= np.linalg.norm(ahead)
         right = np.cross(ahead, camera.up)

@@ -1,10 +1,12 @@
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trigpoint_panel.camera import Camera
 from trigpoint_panel.documents import FORMAT, SessionError, document_text, read_document
 from trigpoint_panel.fingerprints import Fingerprints
 from trigpoint_panel.pairs import Pair
@@ -102,3 +104,27 @@ def test_a_fingerprint_is_taken_again_when_a_file_changes(tmp_path):
     assert known.of(path)["sha256"] != first["sha256"]
     with pytest.raises(OSError, match="No such file"):
         known.of(tmp_path / "gone")
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"position": [float("nan")] * 3},
+        {"position": [1e308] * 3},
+        {"position": [10**400] * 3},
+        {"position": [1.0]},
+        {"position": [0.0, 0.0, 0.0]},
+        {"up": [0, 0, 0]},
+        {"up": [1, 2, 3]},
+        {"up": "abc"},
+        {"view_angle": 0},
+        {"view_angle": "x"},
+        {"parallel": True, "parallel_scale": -1},
+    ],
+)
+def test_a_camera_that_nothing_is_seen_from_is_left_out(tmp_path, spoilt):
+    sound = asdict(Camera((1.0, 2.0, 3.0), (0.0, 0.0, 0.0)))
+    document = json.loads(text_of(State(), tmp_path))
+    document["cameras"] = {"source": sound | spoilt, "target": sound, "other": 7}
+    (tmp_path / "a.trig.json").write_text(json.dumps(document))
+    assert list(read_document(tmp_path / "a.trig.json").cameras) == ["target"]

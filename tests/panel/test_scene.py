@@ -1,5 +1,7 @@
 """A scene drawn off the screen: precision, picking, what is drawn while moving, and looks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,13 @@ def test_a_few_flyers_do_not_push_the_camera_away(scene, opened_tower):
     assert scene.camera.distance < 1.3 * near
 
 
+def test_fitting_ends_what_nothing_can_be_seen_from(scene):
+    scene.camera = replace(scene.camera, position=(np.nan,) * 3)
+    scene.fit()
+    assert scene.camera.is_sound
+    assert (scene.project(scene.cloud.coordinates) >= 0).all()
+
+
 @pytest.mark.parametrize("parallel", [False, True])
 @pytest.mark.parametrize("face", ["front", "left", "top"])
 def test_what_is_picked_is_under_the_cursor(scene, face, parallel):
@@ -92,8 +101,6 @@ def test_five_pixels_are_five_pixels_far_from_the_focal_point_too(scene, closer)
     # The focal point far behind or before what is seen: VTK's own cylinder would be off by as much.
     camera = scene.camera
     ahead = np.subtract(camera.focal_point, camera.position)
-    from dataclasses import replace
-
     scene.camera = replace(camera, focal_point=tuple(camera.position + closer * ahead))
     for x, y in np.random.default_rng(1).uniform([150, 100], [250, 200], (20, 2)):
         row = scene.pick_at(x, y)

@@ -1,7 +1,7 @@
 import json
 import os
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from trigpoint.cloud import cloud_from
 from trigpoint.errors import TrigpointError
 from trigpoint.files import write
+from trigpoint_panel.camera import Camera
 from trigpoint_panel.documents import SessionError
 from trigpoint_panel.model import Model
 from trigpoint_panel.session import Session, read_session
@@ -44,7 +45,8 @@ def again(session, path=None):
 
 
 def test_a_session_comes_back_to_the_bit(started, tmp_path):
-    started.cameras = {"source": {"position": [1, 2, 3]}}
+    camera = Camera((1.0, 2.0, 3.0), (0.0, 0.0, 0.1))
+    started.cameras = {"source": json.loads(json.dumps(asdict(camera)))}
     started.model.set_about(title="Tower", date=None)
     started.model.set_comparison(margin_m=None, zones=(0.2, 0.7))
     started.model.set_reference(crs="EPSG:32615")
