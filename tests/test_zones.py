@@ -170,6 +170,23 @@ def test_what_is_no_region_is_refused(tmp_path):
         read_outline(line)
 
 
+@pytest.mark.parametrize(
+    "ring",
+    [
+        "[[0, 0], [9, 0], [9, 9], [0, 9]]",
+        "[[0, 0]]",
+        "[[0, 0], [9, 0], [1e999, 9], [0, 0]]",
+        "[[0, 0], [9, 0], [NaN, 9], [0, 9], [0, 0]]",
+        "[[0, 0], [1e300, 0], [1e300, 1e300], [0, 0]]",
+    ],
+)
+def test_a_ring_that_is_open_or_leads_nowhere_is_refused(tmp_path, ring):
+    path = tmp_path / "region.geojson"
+    path.write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
+    with pytest.raises(RegionError, match=r"^region.geojson holds (a ring that is no|1 shapes)"):
+        read_outline(path)
+
+
 def test_an_outline_looks_at_absolute_coordinates():
     outline = Outline(shapely.box(*SITE[:2], *(SITE[:2] + 1)))
     points = np.array([[0.5, 0.5, 0], [1.5, 0.5, 0]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,13 +192,11 @@ def read_outline(path: str | os.PathLike[str], *, crs: pyproj.CRS | None = None)
     if not path.exists():
         message = f"{path}: there is no such region file."
         raise RegionError(message)
-    meta, wkb = _first_layer(path)
-    parts = shapely.get_parts([] if wkb is None else shapely.from_wkb(wkb))
-    areas = parts[np.isin(shapely.get_type_id(parts), [3, 6])]  # Polygon, MultiPolygon
-    shape = shapely.union_all(shapely.make_valid(areas))
-    if shape.is_empty or not shape.area > 0:
-        message = f"{path.name} holds {len(parts)} shapes and none encloses an area."
-        raise RegionError(message)
+    with warnings.catch_warnings():
+        # GDAL and numpy warn of what is refused below.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        meta, wkb = _first_layer(path)
+        shape = _united(path, wkb)
 
     own = parse_crs(meta["crs"])
     cautions: tuple[Caution, ...] = ()
@@ -240,6 +239,23 @@ def _first_layer(path: Path) -> tuple[dict[str, Any], NDArray[np.object_] | None
         message = f"{path.name} can't be read as polygons: {error}"
         raise RegionError(message) from error
     return meta, wkb
+
+
+def _united(path: Path, wkb: NDArray[np.object_] | None) -> shapely.Geometry:
+    try:
+        parts = shapely.get_parts([] if wkb is None else shapely.from_wkb(wkb))
+        areas = parts[np.isin(shapely.get_type_id(parts), [3, 6])]  # Polygon, MultiPolygon
+        shape = shapely.union_all(shapely.make_valid(areas))
+    except shapely.errors.GEOSException as error:
+        message = (
+            f"{path.name} holds a ring that is no outline: it must end where it starts, with three "
+            "places or more and finite coordinates."
+        )
+        raise RegionError(message) from error
+    if shape.is_empty or not 0 < shape.area < math.inf:
+        message = f"{path.name} holds {len(parts)} shapes and none encloses an area."
+        raise RegionError(message)
+    return shape
 
 
 def _is_beyond_degrees(shape: shapely.Geometry) -> bool:
