@@ -165,6 +165,14 @@ BAD = {
         '{"scale": 1, "rotation": [[1,0,0],[0,1,0],[0,0,-1]], "translation": [0,0,0]}',
         "determinant -1",
     ),
+    "a scale beyond every float": (
+        f'{{"scale": {"9" * 400}, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "translation": [0,0,0]}}',
+        "holds no similarity",
+    ),
+    "a translation beyond every float": (
+        f'{{"scale": 1, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "translation": [0,0,{"9" * 400}]}}',
+        "holds no similarity",
+    ),
     "a scale of zero": (
         '{"scale": 0, "rotation": [[1,0,0],[0,1,0],[0,0,1]], "translation": [0,0,0]}',
         "scale is 0",

@@ -189,7 +189,7 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
             np.array(stored["rotation"], np.float64).reshape(3, 3),
             np.array(stored["translation"], np.float64).reshape(3),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
         message = (
             f"{path.name} holds no similarity: it needs 'scale', a 'rotation' of 3 x 3 numbers and "
             "a 'translation' of 3."
@@ -226,7 +226,7 @@ def read_sigma(path: str | Path) -> Callable[[Points], Points]:
         worth = stored["reliability"]
         centroid = np.array(worth["centroid_m"], np.float64).reshape(3)
         covariance = np.array(worth["covariance"], np.float64).reshape(7, 7)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
         message = (
             f"{path.name} holds no covariance to take sigmas from: give the whole output of "
             "`trigpoint align --json`."
