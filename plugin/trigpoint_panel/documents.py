@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NoReturn
 
+import numpy as np
+
 from trigpoint.errors import ProjectError, TrigpointError
 from trigpoint.picks import FARTHEST
 from trigpoint.project import Project, project_from
@@ -20,6 +22,8 @@ from trigpoint_panel.projects import contents, holds_pairs, project_tables, with
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
 FORMAT = "trigpoint-session/1"
+# From orthogonal, of a rotation that is read.
+SKEW = 1e-6
 # Stands for a file that is not named yet; never looked at.
 _ABSENT = "/absent"
 
@@ -335,17 +339,22 @@ def _sigma(value: Any, name: str) -> float | None:
 def _adopted(value: Any) -> Adopted | None:
     if value is None:
         return None
-    numbers = []
-    if isinstance(value, dict):
-        numbers = [value.get("scale"), *_list(value, "rotation"), *_list(value, "translation")]
-    if len(numbers) != 13 or not all(map(_is_number, numbers)) or not numbers[0] > 0:
+    rotation, translation = _list(value, "rotation"), _list(value, "translation")
+    numbers = [value.get("scale") if isinstance(value, dict) else None, *rotation, *translation]
+    sizes = (len(rotation), len(translation))
+    if sizes != (9, 3) or not all(map(_is_number, numbers)) or not numbers[0] > 0:
         _refuse("its adopted similarity is none")
     numbers = [float(number) for number in numbers]
-    return Adopted(numbers[0], tuple(numbers[1:10]), tuple(numbers[10:]))
+    adopted = Adopted(numbers[0], tuple(numbers[1:10]), tuple(numbers[10:]))
+    turn = adopted.similarity.rotation
+    # As closely as the engine asks it of a similarity in a file.
+    if np.abs(turn @ turn.T - np.eye(3)).max() >= SKEW or np.linalg.det(turn) <= 0:
+        _refuse("the rotation of its adopted similarity is none")
+    return adopted
 
 
-def _list(value: dict[str, Any], key: str) -> list[Any]:
-    found = value.get(key)
+def _list(value: Any, key: str) -> list[Any]:
+    found = value.get(key) if isinstance(value, dict) else None
     return found if isinstance(found, list) else []
 
 

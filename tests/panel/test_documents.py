@@ -128,3 +128,25 @@ def test_a_camera_that_nothing_is_seen_from_is_left_out(tmp_path, spoilt):
     document["cameras"] = {"source": sound | spoilt, "target": sound, "other": 7}
     (tmp_path / "a.trig.json").write_text(json.dumps(document))
     assert list(read_document(tmp_path / "a.trig.json").cameras) == ["target"]
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"rotation": [0] * 9},
+        {"rotation": [-1, 0, 0, 0, 1, 0, 0, 0, 1]},
+        {"rotation": [1, 0, 0, 0, 1, 0, 0, 0, 1.01]},
+        {"rotation": [1] * 8, "translation": [0] * 4},
+        {"scale": 0},
+        {"translation": [float("nan"), 0, 0]},
+    ],
+)
+def test_an_adopted_similarity_that_is_none_is_refused(tmp_path, spoilt):
+    sound = {"scale": 3.3, "rotation": [0, -1, 0, 1, 0, 0, 0, 0, 1], "translation": [7, 8, 9]}
+    document = json.loads(text_of(State(), tmp_path))
+    path = tmp_path / "a.trig.json"
+    path.write_text(json.dumps(document | {"adopted": sound}))
+    assert read_document(path).state.adopted.scale == 3.3
+    path.write_text(json.dumps(document | {"adopted": sound | spoilt}))
+    with pytest.raises(SessionError, match="adopted similarity is none"):
+        read_document(path)
