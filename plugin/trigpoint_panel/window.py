@@ -93,6 +93,8 @@ class Window(QMainWindow):
             if answer == "cancel" or (answer == "save" and not self.panel.desk.save()):
                 event.ignore()
                 return
+        if self._is_open:
+            # Also where all was undone since it was kept: there is nothing left to offer.
             self.panel.session.discard_autosave()
         self.host.set_setting("window/geometry", self.saveGeometry())
         self.host.set_setting("window/across", self.panel.across.saveState())

@@ -100,6 +100,15 @@ def test_closing_without_changes_asks_nothing(window):
     assert window.close()
 
 
+def test_closing_leaves_no_autosave_of_what_was_undone(window, tmp_path):
+    window.panel.model.place("source", (1, 2, 3))
+    window.panel.desk.autosave()
+    assert list((tmp_path / "scratch").iterdir())
+    window.panel.model.undo()
+    assert window.close()
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
 def test_saving_on_the_way_out(window, tmp_path):
     window.ask_unsaved = lambda: "save"
     window.host.save_file = lambda *_: tmp_path / "kept.trig.json"
