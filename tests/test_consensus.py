@@ -297,6 +297,15 @@ def test_no_trials_at_all_are_refused():
         ransac(TOWER, TOWER, trials=0)
 
 
+def test_more_trials_than_memory_and_seeds_beyond_63_bits_are_refused():
+    with pytest.raises(ValueError, match=r"trials is 10000001; .* at most 10,000,000"):
+        ransac(TOWER, TOWER, trials=10_000_001)
+    for seed in (-1, 2**63):
+        with pytest.raises(ValueError, match=rf"seed is {seed}; .* at most 9,223"):
+            ransac(TOWER, TOWER, seed=seed)
+    assert ransac(TOWER, TOWER, seed=2**63 - 1, trials=9).inliers.all()
+
+
 def test_bad_arrays_are_named():
     for method in (ransac, exhaustive, no_consensus):
         with pytest.raises(ValueError, match=r"\(6, 3\) and target \(5, 3\)"):

@@ -26,6 +26,8 @@ Method = Literal["ransac", "exhaustive", "all"]
 
 # `exhaustive` tries every set of three up to this many: 40 picks have 9,880.
 MOST_SETS = 10_000
+# Beyond these the draws fill the memory, and what reads the results no longer holds the seed.
+MOST_TRIALS, LAST_SEED = 10_000_000, 2**63 - 1
 
 # So many of the best distinct sets are refitted. The winner is then decided by the picks that agree
 # with a fit to many, not by which three happened to be drawn.
@@ -136,8 +138,11 @@ def ransac(
     """
     source, target, weights = check_pairs(source, target, weights)
     _refuse_few(source, target)
-    if trials < 1:
-        message = f"trials is {trials}; it must be at least 1."
+    if not 1 <= trials <= MOST_TRIALS:
+        message = f"trials is {trials}; it must be at least 1 and at most {MOST_TRIALS:,}."
+        raise SettingError(message)
+    if not 0 <= seed <= LAST_SEED:
+        message = f"seed is {seed}; it must be at least 0 and at most {LAST_SEED:,}."
         raise SettingError(message)
     drawn = draw_triples(len(source), trials, np.random.Generator(np.random.PCG64(seed)))
     # Each triple as one number, which sorts as its row does and much faster.

@@ -11,7 +11,7 @@ from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NoReturn, TypeVar, get_args
 
-from trigpoint.consensus import Method
+from trigpoint.consensus import LAST_SEED, MOST_TRIALS, Method
 from trigpoint.errors import ProjectError
 
 Place = tuple[float, float, float]
@@ -177,10 +177,9 @@ LOWEST = {
     ("cross_check", "sigma_m"): (0, False),
     ("cross_check", "sigma_deg"): (0, False),
 }
-# Beyond these the draws fill the memory, and the results no longer hold the number.
-MOST_TRIALS, LAST_SEED = 10_000_000, 2**63 - 1
+# The largest value allowed.
 HIGHEST = {
-    ("project", "revision"): LAST_SEED,
+    ("project", "revision"): 999_999_999,
     ("alignment", "trials"): MOST_TRIALS,
     ("alignment", "seed"): LAST_SEED,
 }
