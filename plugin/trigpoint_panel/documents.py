@@ -12,12 +12,12 @@ from typing import Any, NoReturn
 import numpy as np
 
 from trigpoint.errors import ProjectError, TrigpointError
-from trigpoint.picks import FARTHEST
+from trigpoint.picks import FARTHEST, LARGEST_SIGMA, SMALLEST_SIGMA
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
 from trigpoint_panel.camera import kept_camera
 from trigpoint_panel.fingerprints import Fingerprints
-from trigpoint_panel.pairs import LARGEST_SIGMA, ROLES, Pair, Pairs, Place
+from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
 from trigpoint_panel.projects import contents, holds_pairs, project_tables, without_none
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
@@ -331,7 +331,7 @@ def _place(value: Any, name: str) -> Place | None:
 def _sigma(value: Any, name: str) -> float | None:
     if value is None:
         return None
-    if not _is_number(value) or not 0 < value <= LARGEST_SIGMA:
+    if not _is_number(value) or not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
         _refuse(f"pair {name!r} has {_shown(value)} for a sigma")
     return float(value)
 

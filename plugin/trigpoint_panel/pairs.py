@@ -12,14 +12,11 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
-from trigpoint.picks import FARTHEST, Picks, picks_from
+from trigpoint.picks import FARTHEST, LARGEST_SIGMA, SMALLEST_SIGMA, Picks, picks_from
 
 Side = Literal["source", "target"]
 Role = Literal["control", "check", "off"]
 Place = tuple[float, float, float]
-
-# No pick is as uncertain as this, in any unit; the squares of far larger ones overflow.
-LARGEST_SIGMA = 1e6
 
 SIDES: tuple[Side, Side] = get_args(Side)
 ROLES: tuple[Role, Role, Role] = get_args(Role)
@@ -243,10 +240,10 @@ def place_of(xyz: ArrayLike) -> Place:
 
 def sigma_of(value: float) -> float:
     """Return a number that can be a sigma, or raise PicksError."""
-    if not 0 < value <= LARGEST_SIGMA:
+    if not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
         message = (
-            f"A sigma of {value:g} can't be: give a number above zero, up to "
-            f"{LARGEST_SIGMA:,.0f}, or none."
+            f"A sigma of {value:g} can't be: give a number above zero, "
+            f"from {SMALLEST_SIGMA:g} up to {LARGEST_SIGMA:,.0f}, or none."
         )
         raise PicksError(message)
     return float(value)

@@ -274,6 +274,7 @@ def test_what_was_typed_is_forgotten_with_its_pair_or_its_pick():
         ("source_x", "1_0", "not a number"),
         ("sigma_source", "-1", "above zero"),
         ("sigma_target", "1e308", "up to 1,000,000"),
+        ("sigma_target", "1e-320", "from 1e-09"),
         ("source_x", "1e13", "no coordinate"),
         ("role", "checker", "control, check or off"),
         ("id", "P2", "already"),
