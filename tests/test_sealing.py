@@ -5,13 +5,13 @@ import sys
 import zipfile
 
 import pytest
+from bundles import sealed_bundle
 
 import trigpoint
-from trigpoint.bundle import bundle_folder, fill_bundle
-from trigpoint.delivery import sha256, whole_folder
+from trigpoint.delivery import sha256
 from trigpoint_reporting.manifest import MANIFEST, RECORD, BundleError, list_files, read_manifest
 from trigpoint_reporting.quality import quality_report
-from trigpoint_reporting.sealing import pack, seal, verifier_source, write_record
+from trigpoint_reporting.sealing import pack, seal, verifier_source
 from trigpoint_reporting.verifier.verify import look_up
 
 BUILT = {}
@@ -28,15 +28,11 @@ def bundle(small_project, tmp_path, tmp_path_factory):
         path, _ = small_project(tmp_path_factory.mktemp("made") / "small")
         text = path.read_text("utf-8").replace("title =", f"{ABOUT}title =")
         path.write_text(text, "utf-8")
-        audit = trigpoint.audit(path)
-        results = audit.results()
-        folder = bundle_folder(audit.project)
-        with whole_folder(folder) as draft:
-            fill_bundle(draft, audit, results)
-            write_record(draft, audit, results)
+
+        def report(draft, _):
             (draft / "report.html").write_text("later", "utf-8")
-            seal(draft)
-        BUILT["folder"], BUILT["project"] = folder, path
+
+        BUILT["folder"], BUILT["project"] = sealed_bundle(path, report), path
     copy = tmp_path / BUILT["folder"].name
     shutil.copytree(BUILT["folder"], copy)
     return copy

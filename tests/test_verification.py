@@ -9,16 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bundles import sealed_bundle
 
 import trigpoint
-from trigpoint.bundle import bundle_folder, fill_bundle
-from trigpoint.delivery import sha256, whole_folder
+from trigpoint.delivery import sha256
 from trigpoint_reporting.blocks import Passage, Picture, Table, Value
 from trigpoint_reporting.manifest import MANIFEST, RECORD, BundleError, hash_files, record_hash
 from trigpoint_reporting.manifest import write_manifest as write_hashes
 from trigpoint_reporting.numbers import Numbers
 from trigpoint_reporting.render import to_html
-from trigpoint_reporting.sealing import pack, seal, verifier_source, write_record
+from trigpoint_reporting.sealing import pack, seal, verifier_source
 from trigpoint_reporting.verification import verify
 from trigpoint_reporting.verifier import verify as verifier
 
@@ -87,19 +87,15 @@ def bundle(small_project, tmp_path, tmp_path_factory):
         noise = np.random.default_rng(5).normal(0, 0.02, picks.target.shape)
         again = replace(picks, target=picks.target + noise)
         trigpoint.write_picks(path.with_name("again.csv"), again)
-        audit = trigpoint.audit(path)
-        results = audit.results()
-        folder = bundle_folder(audit.project)
-        with whole_folder(folder) as draft:
-            fill_bundle(draft, audit, results)
-            write_record(draft, audit, results)
+
+        def report(draft, results):
             html, notebook = page(results, record_hash(draft))
             (draft / "report.html").write_text(html, "utf-8")
             (draft / "audit.ipynb").write_text(notebook, "utf-8")
             (draft / "figures").mkdir()
             (draft / "figures" / "dot.png").write_bytes(DOT)
-            seal(draft)
-        BUILT["folder"], BUILT["inputs"] = folder, path.parent
+
+        BUILT["folder"], BUILT["inputs"] = sealed_bundle(path, report), path.parent
     copy = tmp_path / BUILT["folder"].name
     shutil.copytree(BUILT["folder"], copy)
     return copy

@@ -215,17 +215,16 @@ def _disagreement(control: Picks, consensus: Procedure, reliability: Reliability
         agreeing = consensus(control.source, control.target, weights=None)
     except ConsensusError:
         return None
+    if agreeing.inliers.all():
+        return None
     kept = control.take(agreeing.inliers)
     without = assess(kept.source, kept.target, agreeing.similarity, names=kept.ids)
-    if without.geometry == "refused" or agreeing.inliers.all():
+    if without.geometry == "refused":
         return None
-    others = [
-        name for name, agrees in zip(control.ids, agreeing.inliers, strict=True) if not agrees
-    ]
+    count, others = _left_out(control, agreeing)
     message = (
-        f"Weak: every pick was used, as asked, and {len(others)} of {len(control)} disagree with "
-        f"the others by more than {agreeing.threshold:g} m: {', '.join(others[:10])}"
-        f"{' and others' if len(others) > 10 else ''}. One pick comes out good to "
+        f"Weak: every pick was used, as asked, and {count} of {len(control)} disagree with "
+        f"the others by more than {agreeing.threshold:g} m: {others}. One pick comes out good to "
         f"{reliability.sigma_m:.3g} m per axis and the rotation to "
         f"{reliability.rotation_sigma_deg.max():.1f}° (one sigma); a consensus would leave them "
         "out."
@@ -233,14 +232,19 @@ def _disagreement(control: Picks, consensus: Procedure, reliability: Reliability
     return Caution("weak_geometry", message)
 
 
+def _left_out(control: Picks, consensus: Consensus) -> tuple[int, str]:
+    """Count the picks that a consensus left out, and name up to ten."""
+    names = [name for name, kept in zip(control.ids, consensus.inliers, strict=True) if not kept]
+    return len(names), ", ".join(names[:10]) + (" and others" if len(names) > 10 else "")
+
+
 def _doubts(control: Picks, consensus: Consensus, agrees: bool | None) -> list[Caution]:
     doubts = []
-    rejected = [name for name, kept in zip(control.ids, consensus.inliers, strict=True) if not kept]
-    if rejected:
+    count, rejected = _left_out(control, consensus)
+    if count:
         message = (
-            f"The consensus rejected {len(rejected)} of {len(control)} control picks at "
-            f"{consensus.threshold:g} m: {', '.join(rejected[:10])}"
-            f"{' and others' if len(rejected) > 10 else ''}."
+            f"The consensus rejected {count} of {len(control)} control picks at "
+            f"{consensus.threshold:g} m: {rejected}."
         )
         doubts.append(Caution("picks_rejected", message))
     if agrees is False:

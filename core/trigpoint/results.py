@@ -195,13 +195,12 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
             "a 'translation' of 3."
         )
         raise SimilarityError(message) from error
-    skew = float(np.abs(fit.rotation @ fit.rotation.T - np.eye(3)).max())
-    turned = float(np.linalg.det(fit.rotation))
-    sound = np.isfinite(fit.matrix).all() and skew < 1e-6 and turned > 0 and fit.scale > 0
-    if not sound:
+    if not fit.is_proper:
+        turned = float(np.linalg.det(fit.rotation))
         message = (
             f"{path.name} holds no similarity: its scale is {fit.scale:g} (it must be above 0) and "
-            f"its rotation has determinant {turned:.6g} (1) and is {skew:.2g} (0) from orthogonal."
+            f"its rotation has determinant {turned:.6g} (1) and is {fit.skew:.2g} (0) from "
+            "orthogonal."
         )
         raise SimilarityError(message)
     crs = stored.get("crs")

@@ -15,6 +15,8 @@ Points = NDArray[np.float64]
 # a line to within rounding; a line to within picking noise is refused by `reliability`, which
 # knows the noise.
 LINE = 1e-6
+# Largest element of R R^T - I for a rotation that was stored in decimal digits.
+SKEW = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +62,17 @@ class Similarity:
         scale, rotation = 1 / self.scale, self.rotation.T.copy()
         back = Similarity(scale, rotation, np.zeros(3))
         return Similarity(scale, rotation, -back(self.translation[None, :])[0])
+
+    @property
+    def skew(self) -> float:
+        """How far the rotation is from orthogonal: the largest element of ``R R^T - I``."""
+        return float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
+
+    @property
+    def is_proper(self) -> bool:
+        """Whether all is finite, the scale above zero, and the rotation one: no skew, no mirror."""
+        turns = self.skew < SKEW and np.linalg.det(self.rotation) > 0
+        return bool(np.isfinite(self.matrix).all() and turns and self.scale > 0)
 
     @property
     def matrix(self) -> NDArray[np.float64]:

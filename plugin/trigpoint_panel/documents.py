@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NoReturn
 
-import numpy as np
-
 from trigpoint.errors import ProjectError, TrigpointError
 from trigpoint.picks import FARTHEST, LARGEST_SIGMA, SMALLEST_SIGMA
 from trigpoint.project import Project, project_from
@@ -22,8 +20,6 @@ from trigpoint_panel.projects import contents, holds_pairs, project_tables, with
 from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
 
 FORMAT = "trigpoint-session/1"
-# From orthogonal, of a rotation that is read.
-SKEW = 1e-6
 # Stands for a file that is not named yet; never looked at.
 _ABSENT = "/absent"
 
@@ -346,9 +342,7 @@ def _adopted(value: Any) -> Adopted | None:
         _refuse("its adopted similarity is none")
     numbers = [float(number) for number in numbers]
     adopted = Adopted(numbers[0], tuple(numbers[1:10]), tuple(numbers[10:]))
-    turn = adopted.similarity.rotation
-    # As closely as the engine asks it of a similarity in a file.
-    if np.abs(turn @ turn.T - np.eye(3)).max() >= SKEW or np.linalg.det(turn) <= 0:
+    if not adopted.similarity.is_proper:
         _refuse("the rotation of its adopted similarity is none")
     return adopted
 

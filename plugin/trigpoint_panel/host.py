@@ -73,6 +73,30 @@ class Host(Protocol):
         ...
 
 
+def chosen_file(host: Host, window: QWidget, title: str, filters: str, *, home: str) -> Path | None:
+    """Ask for a file that is there, beginning where the last one was; at first, at `home`."""
+    folder = str(host.setting("folder", home))
+    name, _ = QFileDialog.getOpenFileName(window, title, folder, filters)
+    return _remembered(host, name)
+
+
+def chosen_place(
+    host: Host, window: QWidget, title: str, filters: str, suggestion: str, *, home: str
+) -> Path | None:
+    """Ask where a file goes, beginning where the last one was; at first, at `home`."""
+    place = str(Path(host.setting("folder", home)) / suggestion)
+    name, _ = QFileDialog.getSaveFileName(window, title, place, filters)
+    return _remembered(host, name)
+
+
+def _remembered(host: Host, name: str) -> Path | None:
+    if not name:
+        return None
+    path = Path(name)
+    host.set_setting("folder", str(path.parent))
+    return path
+
+
 class StandaloneHost:
     """The host of a window of its own.
 
@@ -127,14 +151,12 @@ class StandaloneHost:
 
     def open_file(self, title: str, filters: str) -> Path | None:
         """Let the user choose a file that is there."""
-        name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder(), filters)
-        return self._remembered(name)
+        return chosen_file(self, self._window, title, filters, home=str(Path.home()))
 
     def save_file(self, title: str, filters: str, suggestion: str) -> Path | None:
         """Let the user choose where a file goes."""
-        place = str(Path(self._folder()) / suggestion)
-        name, _ = QFileDialog.getSaveFileName(self._window, title, place, filters)
-        return self._remembered(name)
+        home = str(Path.home())
+        return chosen_place(self, self._window, title, filters, suggestion, home=home)
 
     def choose_crs(self, current: str, chosen: Callable[[str], object]) -> None:
         """Let the user type a CRS in a small window that blocks nothing."""
@@ -157,13 +179,3 @@ class StandaloneHost:
     def shutdown(self) -> bool:
         """Cancel what runs, wait up to two seconds for it to end, and tell whether it has."""
         return self._pool.wait(2000)
-
-    def _folder(self) -> str:
-        return str(self.setting("folder", str(Path.home())))
-
-    def _remembered(self, name: str) -> Path | None:
-        if not name:
-            return None
-        path = Path(name)
-        self.set_setting("folder", str(path.parent))
-        return path

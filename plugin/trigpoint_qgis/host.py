@@ -10,8 +10,9 @@ from qgis.core import Qgis, QgsApplication, QgsProject, QgsSettings, QgsTask
 from qgis.gui import QgsMessageBar, QgsProjectionSelectionDialog
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QDesktopServices
-from qgis.PyQt.QtWidgets import QFileDialog, QPushButton, QWidget
+from qgis.PyQt.QtWidgets import QPushButton, QWidget
 
+from trigpoint_panel.host import chosen_file, chosen_place
 from trigpoint_qgis import auditing, results
 
 PREFIX = "trigpoint/"
@@ -88,14 +89,12 @@ class QgisHost:
 
     def open_file(self, title: str, filters: str) -> Path | None:
         """Let the user choose a file that is there."""
-        name, _ = QFileDialog.getOpenFileName(self._window, title, self._folder(), filters)
-        return self._remembered(name)
+        return chosen_file(self, self._window, title, filters, home=self._home())
 
     def save_file(self, title: str, filters: str, suggestion: str) -> Path | None:
         """Let the user choose where a file goes."""
-        place = str(Path(self._folder()) / suggestion)
-        name, _ = QFileDialog.getSaveFileName(self._window, title, place, filters)
-        return self._remembered(name)
+        home = self._home()
+        return chosen_place(self, self._window, title, filters, suggestion, home=home)
 
     def choose_crs(self, current: str, chosen: Callable[[str], object]) -> None:
         """Let the user choose a CRS in QGIS's own dialog, which blocks nothing."""
@@ -147,15 +146,8 @@ class QgisHost:
         output.setMessage(f"{text}\n\n{details}", plain)
         output.showMessage(False)
 
-    def _folder(self) -> str:
-        return str(self.setting("folder", QgsProject.instance().homePath() or str(Path.home())))
-
-    def _remembered(self, name: str) -> Path | None:
-        if not name:
-            return None
-        path = Path(name)
-        self.set_setting("folder", str(path.parent))
-        return path
+    def _home(self) -> str:
+        return QgsProject.instance().homePath() or str(Path.home())
 
 
 class _JobTask(QgsTask):

@@ -121,15 +121,7 @@ def run_qgis(real_qgis, profile, tmp_path):  # noqa: ARG001
             variables.pop(name, None)
         command = ["unshare", "-n", "xvfb-run", "-a", "-s", f"-screen 0 {screen}x24", "qgis"]
         command += ["--profiles-path", str(profile.root), "--nologo", "--noversioncheck"]
-        ended = subprocess.run(
-            [*command, "--code", str(DRIVERS / f"{driver}.py")],
-            env=variables,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=seconds,
-            check=False,
-        )
+        ended = _ended([*command, "--code", str(DRIVERS / f"{driver}.py")], variables, seconds)
         tail = (ended.stdout + ended.stderr)[-6000:]
         assert told.exists(), f"the driver said nothing, code {ended.returncode}: {tail}"
         found = json.loads(told.read_text())
@@ -149,17 +141,22 @@ def qgis_process(real_qgis, profile, archive):
         variables = _variables(profile) | {"QT_QPA_PLATFORM": "offscreen"}
         variables["QGIS_CUSTOM_CONFIG_PATH"] = str(profile.root)
         variables.pop("PYTHONPATH", None)
-        return subprocess.run(
-            ["unshare", "-n", "qgis_process", "--json", "run", *map(str, arguments)],
-            env=variables,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=seconds,
-            check=False,
-        )
+        command = ["unshare", "-n", "qgis_process", "--json", "run", *map(str, arguments)]
+        return _ended(command, variables, seconds)
 
     return run
+
+
+def _ended(command, variables, seconds):
+    return subprocess.run(
+        command,
+        env=variables,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=seconds,
+        check=False,
+    )
 
 
 def _variables(profile):

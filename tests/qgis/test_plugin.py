@@ -241,13 +241,14 @@ def test_a_job_that_fails_is_told(host):
     assert "no such cloud" in heard["failed"]
 
 
-def test_a_task_cancelled_in_qgis_s_own_list_cancels_its_job(host):
-    def work(tick):
-        while True:
-            tick(None)
-            time.sleep(0.01)
+def endless(tick):
+    while True:
+        tick(None)
+        time.sleep(0.01)
 
-    made, heard = job(work)
+
+def test_a_task_cancelled_in_qgis_s_own_list_cancels_its_job(host):
+    made, heard = job(endless)
     host.run(made)
     time.sleep(0.1)
     QgsApplication.taskManager().cancelAll()
@@ -255,12 +256,7 @@ def test_a_task_cancelled_in_qgis_s_own_list_cancels_its_job(host):
 
 
 def test_shutting_down_cancels_what_runs(host):
-    def work(tick):
-        while True:
-            tick(None)
-            time.sleep(0.01)
-
-    made, heard = job(work)
+    made, heard = job(endless)
     host.run(made)
     begun = time.monotonic()
     host.shutdown()

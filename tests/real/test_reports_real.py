@@ -4,13 +4,10 @@ import re
 import shutil
 
 import pytest
+from bundles import sealed_bundle
 
-import trigpoint
-from trigpoint.bundle import bundle_folder, fill_bundle
-from trigpoint.delivery import whole_folder
 from trigpoint_reporting.evidence import open_evidence
 from trigpoint_reporting.render import show
-from trigpoint_reporting.sealing import seal, write_record
 from trigpoint_reporting.verification import verify
 
 PROJECT = """[project]
@@ -63,13 +60,7 @@ def told(request, real_data, tmp_path):
         shutil.copyfile(real_data(f"{request.param}/{given[key]}"), tmp_path / given[key])
     path = tmp_path / "project.toml"
     path.write_text(PROJECT.format(**given), "utf-8")
-    audit = trigpoint.audit(path)
-    results = audit.results()
-    folder = bundle_folder(audit.project)
-    with whole_folder(folder) as draft:
-        fill_bundle(draft, audit, results)
-        write_record(draft, audit, results)
-        seal(draft)
+    folder = sealed_bundle(path)
     evidence = open_evidence(folder)
     blocks = []
     for section in sections:
