@@ -1,5 +1,9 @@
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 
 import nbformat
 import pytest
@@ -7,6 +11,7 @@ from nbformat.v4 import new_code_cell, new_notebook
 
 pytest.importorskip("nbclient", reason="notebooks are executed with nbclient")
 
+from trigpoint_reporting import execution
 from trigpoint_reporting.execution import NotebookError, execute
 
 
@@ -39,6 +44,41 @@ def test_a_cell_that_fails_is_named_with_its_reason(tmp_path):
 def test_a_kernel_that_dies_is_one_clear_error(tmp_path):
     with pytest.raises(NotebookError, match="kernel died"):
         run(tmp_path, "import os; os._exit(139)")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no SIGINT to a process")
+def test_ctrl_c_while_a_cell_runs_is_a_stop_and_no_failure(tmp_path):
+    code = (
+        "import sys\n"
+        "from nbformat.v4 import new_code_cell, new_notebook\n"
+        "from pathlib import Path\n"
+        "from trigpoint_reporting.execution import execute\n"
+        'cell = \'import time; open("begun", "w").close(); time.sleep(30)\'\n'
+        "try:\n"
+        "    execute(new_notebook(cells=[new_code_cell(cell, id='c')]), Path(sys.argv[1]))\n"
+        "except KeyboardInterrupt:\n"
+        "    print('stopped')\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        while not (tmp_path / "begun").exists():
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=20)[0] == "stopped\n"
+
+
+def test_what_nbclient_finds_wrong_by_itself_is_no_stop(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr(execution.NotebookClient, "execute", fail)
+    with pytest.raises(AssertionError):
+        run(tmp_path, "1")
 
 
 def test_what_users_set_for_themselves_stays_out(tmp_path, monkeypatch):

@@ -50,9 +50,7 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
             kernel_name="python3",
             kernel_spec_manager=specs,
             connection_file=str(Path(private) / "kernel.json"),
-            **(
-                {} if os.name == "nt" else {"transport": "ipc", "ip": str(Path(private) / "kernel")}
-            ),
+            **_transport(private),
         )
         client = NotebookClient(
             notebook,
@@ -68,8 +66,8 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
             with log.open("wb") as said:
                 client.execute(env=_environment(private), stderr=said, cleanup_kc=True)
         except (asyncio.CancelledError, AssertionError) as error:
-            # What comes of Ctrl-C in the loop that drives the kernel: a task that was called off,
-            # or a kernel that was never there to be cleaned up.
+            if not _is_interruption(error):
+                raise
             raise KeyboardInterrupt from error
         except CellExecutionError as error:
             message = f"A cell of the notebook failed: {error.ename}: {error.evalue}"
@@ -83,6 +81,14 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
     notebook.metadata.clear()  # of what the kernel says about itself
     notebook.metadata.update(stated)
     _scrub(notebook)
+
+
+def _is_interruption(error: BaseException | None) -> bool:
+    # Ctrl-C calls off the task that drives the kernel. Once the kernel has gone with it, cleaning
+    # up after it fails as well, and that is what arrives.
+    while error is not None and not isinstance(error, asyncio.CancelledError):
+        error = error.__context__
+    return error is not None
 
 
 def _transport(private: str) -> dict[str, str]:
