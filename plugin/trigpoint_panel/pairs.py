@@ -89,11 +89,6 @@ class Pair:
 Pairs = tuple[Pair, ...]
 
 
-def opposite(side: Side) -> Side:
-    """Return the other side."""
-    return "target" if side == "source" else "source"
-
-
 def annotated(note: str, side: Side, text: str) -> str:
     """Return a note with what is said of one half's snap replaced; empty text takes it out.
 
