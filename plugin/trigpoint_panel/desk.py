@@ -166,7 +166,7 @@ class Desk(QObject):
                 str(autosave),
                 (
                     ("Restore", partial(self._recover, autosave)),
-                    ("Delete them", partial(self._session.give_up, autosave)),
+                    ("Delete them", partial(self._changed, self._session.give_up, autosave)),
                 ),
             )
 

@@ -210,6 +210,7 @@ class Panel(QWidget):
             return
         self._closed = True
         self._autosave.stop()
+        self.session.leave()
         self.foot.cancel()
         self.model.changed.remove(self._model_changed)
         if self._keys is not None:

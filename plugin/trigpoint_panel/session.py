@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from trigpoint_panel.documents import (
 )
 from trigpoint_panel.fingerprints import Fingerprints, content_of
 from trigpoint_panel.model import Model
+from trigpoint_panel.ownership import Ownership, is_owned, own
 from trigpoint_panel.projects import contents, state_from_project, write_project
 from trigpoint_panel.state import NOWHERE, State
 
@@ -67,7 +69,7 @@ class Session:
         self._known = Fingerprints()
         self._read: dict[Path, str | None] = {}
         self._saved: State | None = _content(model.state)
-        self._autosaved: set[Path] = set()
+        self._autosaved: dict[Path, Ownership] = {}
 
     @property
     def is_modified(self) -> bool:
@@ -117,7 +119,7 @@ class Session:
         self.path = to
         self._saved = _content(self.model.state)
         # What a crash left there and nobody wanted back is older now than what was saved.
-        self._autosaved.add(_beside(to))
+        self._own(_beside(to))
         self.discard_autosave()
 
     def autosave(self) -> str:
@@ -140,30 +142,32 @@ class Session:
             places.insert(0, _beside(self.path))
         for place in places:
             try:
-                place.parent.mkdir(parents=True, exist_ok=True)
+                if place == self._unsaved:
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                if not self._own(place):
+                    continue  # another window has the session open, and changed it first
                 self._write(place, autosaving=True)
             except (OSError, SessionError) as error:
                 said = f"Changes are not autosaved: {error}"
                 continue
-            for other in self._autosaved - {place}:
-                other.unlink(missing_ok=True)
-            self._autosaved = {place}
+            self._discard(but=place)
             return ""
         return said
 
     def discard_autosave(self) -> None:
         """Remove what was autosaved: the session is saved, or given up."""
-        for place in self._autosaved:
-            try:
-                place.unlink(missing_ok=True)
-            except OSError:
-                continue  # a folder that has become read-only keeps it
+        self._discard()
+
+    def leave(self) -> None:
+        """Keep what was autosaved for another window to find: this one is gone."""
+        for owned in self._autosaved.values():
+            owned.release()
         self._autosaved.clear()
 
     def recoverable(self, path: Path | str | None = None) -> tuple[Path, ...]:
         """Return autosaves that a crash left, newest first: of the session at `path`, or unsaved.
 
-        Those of this session itself are not among them.
+        Those of this session itself, and of windows that are still open, are not among them.
         """
         if path is not None:
             places = [_beside(Path(path).absolute())]
@@ -172,7 +176,7 @@ class Session:
         found = [
             (place.stat().st_mtime, place)
             for place in places
-            if place.is_file() and place not in self._autosaved
+            if place.is_file() and place not in self._autosaved and not is_owned(place)
         ]
         return tuple(place for _, place in sorted(found, reverse=True))
 
@@ -184,17 +188,33 @@ class Session:
         SessionError
             If it can't be used; the model is as it was.
         """
-        opened = read_document(autosave)
-        self.discard_autosave()
+        self._take_over(autosave)
+        try:
+            opened = read_document(autosave)
+        except SessionError:
+            self._autosaved.pop(autosave).release()
+            raise
+        self._discard(but=autosave)
         self.path = opened.saved_as
         self._take(opened)
         self._saved = None
-        self._autosaved.add(autosave)
         return opened.doubts
 
     def give_up(self, autosave: Path) -> None:
-        """Remove an autosave that nobody wants back."""
-        autosave.unlink(missing_ok=True)
+        """Remove an autosave that nobody wants back.
+
+        Raises
+        ------
+        SessionError
+            If another window has taken it over.
+        OSError
+            If it can't be removed.
+        """
+        self._take_over(autosave)
+        try:
+            autosave.unlink(missing_ok=True)
+        finally:
+            self._autosaved.pop(autosave).release()
 
     def write_project(self, path: Path | str | None = None) -> Path:
         """Write the project.toml and picks.csv that `trigpoint audit` takes; return project.toml.
@@ -225,6 +245,24 @@ class Session:
         if unchanged:
             self._saved = _content(self.model.state)
         return project.path
+
+    def _own(self, autosave: Path) -> bool:
+        """Take hold of an autosave; False: another window has it."""
+        if autosave not in self._autosaved and (owned := own(autosave)) is not None:
+            self._autosaved[autosave] = owned
+        return autosave in self._autosaved
+
+    def _take_over(self, autosave: Path) -> None:
+        if not self._own(autosave):
+            message = f"Another window that is still open keeps {autosave.name}: go on there."
+            raise SessionError(message)
+
+    def _discard(self, *, but: Path | None = None) -> None:
+        """Remove what was autosaved, and let go of it."""
+        for place in [each for each in self._autosaved if each != but]:
+            with suppress(OSError):  # a folder that has become read-only keeps it
+                place.unlink(missing_ok=True)
+            self._autosaved.pop(place).release()
 
     def _take(self, opened: Opened) -> None:
         self.cameras = opened.cameras

@@ -379,6 +379,9 @@ def test_changes_are_autosaved_and_offered_after_a_crash(panel, host, qtbot, tmp
     other = Panel(host, scratch=scratch, canvas="image")
     qtbot.addWidget(other, before_close_func=lambda each: each.shutdown())
     other.desk.offer_recovery()
+    assert host.said == []  # its window is still open
+    panel.session.leave()
+    other.desk.offer_recovery()
     _, text, _, actions = host.said[-1]
     assert "Unsaved changes" in text
     actions["Restore"]()

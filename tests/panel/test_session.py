@@ -1,6 +1,8 @@
 import json
 import os
 import shutil
+import subprocess
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -134,6 +136,7 @@ def test_every_change_is_autosaved_beside_the_session_and_found_after_a_crash(st
     assert left.exists()
     assert started.recoverable(tmp_path / "a.trig.json") == ()  # its own is no crash's
 
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     assert other.recoverable(tmp_path / "a.trig.json") == (left,)
     assert other.recover(left) == ()
@@ -146,6 +149,7 @@ def test_every_change_is_autosaved_beside_the_session_and_found_after_a_crash(st
 
 def test_what_was_never_saved_is_found_after_a_crash(started, tmp_path):
     assert started.autosave() == ""
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     (left,) = other.recoverable()
     other.recover(left)
@@ -160,6 +164,8 @@ def test_two_unsaved_sessions_keep_an_autosave_each(started, tmp_path):
     other = Session(Model(), scratch=tmp_path / "scratch")
     other.model.place("source", [1, 2, 3])
     assert (started.autosave(), other.autosave()) == ("", "")
+    started.leave()
+    other.leave()
     assert len(Session(Model(), scratch=tmp_path / "scratch").recoverable()) == 2
 
 
@@ -172,10 +178,11 @@ def test_an_autosave_goes_when_nothing_is_left_to_save_or_it_is_given_up(started
     assert not (tmp_path / "a.trig.json~").exists()
     started.model.cycle_role({"P1"})
     started.autosave()
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     other.give_up(tmp_path / "a.trig.json~")
     assert other.recoverable(tmp_path / "a.trig.json") == ()
-    started.discard_autosave()
+    assert not list(tmp_path.glob("*~*"))
 
 
 def test_what_a_crash_left_is_kept_until_someone_decides(started, tmp_path):
@@ -183,13 +190,14 @@ def test_what_a_crash_left_is_kept_until_someone_decides(started, tmp_path):
     left = tmp_path / "a.trig.json~"
     started.model.cycle_role({"P1"})
     started.autosave()
+    started.leave()
     crashed = left.read_text()
     other = Session(Model(), scratch=tmp_path / "scratch")
     other.open(tmp_path / "a.trig.json")
     other.model.cycle_role({"P2"})
     assert other.autosave() == ""
     assert left.read_text() == crashed
-    assert len(Session(Model(), scratch=tmp_path / "scratch").recoverable()) == 1
+    assert len(list((tmp_path / "scratch").glob("*~"))) == 1
     other.give_up(left)
     other.autosave()
     assert left.exists()
@@ -202,10 +210,70 @@ def test_saving_over_what_a_crash_left_settles_it(started, tmp_path):
     started.save(tmp_path / "a.trig.json")
     started.model.cycle_role({"P1"})
     started.autosave()
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     other.open(tmp_path / "a.trig.json")
     other.save()
     assert other.recoverable(tmp_path / "a.trig.json") == ()
+
+
+def test_a_second_window_does_not_offer_the_autosave_of_an_open_one(started, tmp_path):
+    started.save(tmp_path / "a.trig.json")
+    unsaved = Session(Model(), scratch=tmp_path / "scratch")
+    started.model.cycle_role({"P1"})
+    unsaved.model.place("source", [1, 2, 3])
+    assert (started.autosave(), unsaved.autosave()) == ("", "")
+    other = Session(Model(), scratch=tmp_path / "scratch")
+    assert other.recoverable() == other.recoverable(tmp_path / "a.trig.json") == ()
+    kept = [tmp_path / "a.trig.json~", *(tmp_path / "scratch").glob("*~")]
+    assert len(kept) == 2
+    for autosave in kept:
+        for change in (other.recover, other.give_up):
+            with pytest.raises(SessionError, match=r"^Another window that is still open keeps"):
+                change(autosave)
+        assert autosave.exists()
+    assert other.model.state == Model().state
+
+
+def test_two_windows_of_one_session_do_not_take_each_others_autosave(started, tmp_path):
+    started.save(tmp_path / "a.trig.json")
+    left = tmp_path / "a.trig.json~"
+    started.model.cycle_role({"P1"})
+    started.autosave()
+    mine = left.read_text()
+    other, _ = again(started)
+    other.model.cycle_role({"P2"})
+    assert other.autosave() == ""
+    assert left.read_text() == mine
+    (others,) = (tmp_path / "scratch").glob("*~")
+    other.save()
+    assert left.read_text() == mine
+    assert not others.exists()
+    started.discard_autosave()
+    assert not list(tmp_path.glob("**/*~*"))
+
+
+def test_the_system_gives_back_the_autosave_of_a_window_that_was_killed(started, tmp_path):
+    started.save(tmp_path / "a.trig.json")
+    code = (
+        "import sys; from pathlib import Path;"
+        "from trigpoint_panel.model import Model; from trigpoint_panel.session import Session;"
+        "path = Path(sys.argv[1]); session = Session(Model(), scratch=path.parent / 'scratch');"
+        "session.open(path); session.model.cycle_role({'P1'}); session.autosave();"
+        "print('kept', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, started.path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as window:
+        assert window.stdout.readline() == "kept\n"
+        assert started.recoverable(started.path) == ()
+        window.kill()
+    (left,) = started.recoverable(started.path)
+    started.recover(left)
+    assert started.is_modified
 
 
 def test_a_folder_that_can_not_be_written_is_told_in_one_sentence(started, tmp_path):
@@ -233,6 +301,7 @@ def test_changes_are_autosaved_elsewhere_where_the_session_can_not_be_written(
     monkeypatch.setattr(room, "write_text", write_text)
     started.model.cycle_role({"P1"})
     assert started.autosave() == ""
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     (left,) = other.recoverable()
     other.recover(left)
@@ -247,7 +316,7 @@ def test_autosaving_hashes_no_file(started, tmp_path, monkeypatch):
 
     monkeypatch.setattr(fingerprints, "sha256", refuse)
     assert started.autosave() == ""
-    (left,) = (tmp_path / "scratch").iterdir()
+    (left,) = (tmp_path / "scratch").glob("*~")
     assert read_session(left).doubts == ()
 
 
@@ -304,6 +373,7 @@ def test_a_second_operators_round_survives_a_crash(started, tmp_path):
     started.model.begin_second_operator()
     started.model.place("source", [0, 0, 0.01])
     started.autosave()
+    started.leave()
     other = Session(Model(), scratch=tmp_path / "scratch")
     other.recover(other.recoverable()[0])
     assert other.model.state == started.model.state
