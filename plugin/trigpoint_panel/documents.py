@@ -5,33 +5,42 @@ from __future__ import annotations
 import datetime as dt
 import json
 import os
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, NoReturn
+from typing import Any
 
 from trigpoint.errors import ProjectError, TrigpointError
-from trigpoint.picks import FARTHEST, LARGEST_SIGMA, SMALLEST_SIGMA
 from trigpoint.project import Project, project_from
 from trigpoint.similarity import Similarity
 from trigpoint_panel.camera import kept_camera
 from trigpoint_panel.fingerprints import Fingerprints
-from trigpoint_panel.pairs import ROLES, Pair, Pairs, Place
-from trigpoint_panel.projects import contents, holds_pairs, project_tables, without_none
-from trigpoint_panel.state import NOWHERE, Adopted, State, with_given
+from trigpoint_panel.projects import contents, project_tables, settled, without_none
+from trigpoint_panel.records import (
+    NotSessionError,
+    adopted_in,
+    pair_table,
+    pairs_in,
+    refuse,
+    shown,
+    typed,
+)
+from trigpoint_panel.state import NOWHERE, State, with_given
 
 FORMAT = "trigpoint-session/1"
 # Stands for a file that is not named yet; never looked at.
 _ABSENT = "/absent"
+# What a session holds itself of files that may change beside it.
+_KEPT = {
+    "project": "the session keeps its own settings",
+    "picks": "the session keeps its own pairs",
+}
 
 
 class SessionError(TrigpointError, ValueError):
     """A session can't be read or written."""
 
     code = "session"
-
-
-class _NotSessionError(ValueError):
-    """What is wrong with a document, to be said with its file's name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +77,7 @@ def document_text(
     cameras: dict[str, Any],
     similarity: Similarity | None,
     fingerprints: Fingerprints,
+    read: Mapping[Path, str | None],
     hashing: bool = True,
     saved_as: Path | None = None,
 ) -> str:
@@ -82,15 +92,21 @@ def document_text(
     similarity : Similarity or None
         Of the moment, for other programs; it is not read back.
     fingerprints : Fingerprints
+    read : mapping of Path to str or None
+        SHA-256 of the project.toml and its picks as the session read or wrote them: by it the
+        session sees what was changed outside, before it was saved or after.
     hashing : bool
         Whether files that have no known hash are hashed.
     saved_as : Path, optional
         Of an autosave: the session that it is made of.
     """
     tables = project_tables(state.project, folder)
-    files = {}
+    files: dict[str, dict[str, Any]] = {}
     for name, path in _files(state.project).items():
         files[name] = {"path": _relative(path, folder)}
+        if path in read:
+            files[name] |= {"sha256": read[path]} if read[path] else {}
+            continue
         try:
             files[name] |= fingerprints.of(path, hashing=hashing)
         except OSError:
@@ -105,13 +121,14 @@ def document_text(
         "project_path": None
         if state.project.path == NOWHERE
         else _relative(state.project.path, folder),
+        "project_sha256": read.get(state.project.path),
         "files": files,
         "reconstruction": state.reconstruction,
         "selected": state.selected,
-        "pairs": [_pair_table(pair) for pair in state.pairs],
+        "pairs": [pair_table(pair) for pair in state.pairs],
         "first_operator": None
         if state.first is None
-        else [_pair_table(pair) for pair in state.first],
+        else [pair_table(pair) for pair in state.first],
         "adopted": None
         if adopted is None
         else {
@@ -144,30 +161,37 @@ def read_document(path: Path) -> Opened:
     document = _loaded(path)
     try:
         if document.get("format") != FORMAT:
-            _refuse(f"its format is {_shown(document.get('format'))}, not {FORMAT}")
-        files = _typed(document, "files", dict)
+            refuse(f"its format is {shown(document.get('format'))}, not {FORMAT}")
+        files = typed(document, "files", dict)
         state = _state(document, files, folder)
         saved_as = document.get("saved_as")
         session = _found(saved_as, folder) if isinstance(saved_as, str) else None
-    except (ProjectError, _NotSessionError) as error:
+    except (ProjectError, NotSessionError) as error:
         message = f"{path.name} is no session: {str(error).rstrip('.')}."
         raise SessionError(message) from error
     known = Fingerprints()
     read = contents(state)
-    # What the pairs were saved beside: what has come into that file since is not among them.
-    said = files.get(f"picks {state.reconstruction}", {}).get("sha256")
-    if state.given.picks is not None and isinstance(said, str) and not holds_pairs(state):
-        read[state.given.picks] = said
+    # What the session was saved beside: what has come into those files since is not in it.
+    saved = {
+        state.project.path: document.get("project_sha256"),
+        state.given.picks: files.get(f"picks {state.reconstruction}", {}).get("sha256"),
+    }
+    same = settled(state)
+    changed: dict[Path, str | None] = {
+        path: said
+        for path in read
+        if path not in same and isinstance(said := saved[path], str) and said != read[path]
+    }
     cameras = document.get("cameras")
     return Opened(
         state,
         {side: kept for side, kept in cameras.items() if kept_camera(kept) is not None}
         if isinstance(cameras, dict)
         else {},
-        tuple(_doubts(state, files, known)),
+        tuple(_doubts(state, document, known, same)),
         session,
         known,
-        read,
+        read | changed,
     )
 
 
@@ -197,24 +221,24 @@ def _files(project: Project) -> dict[str, Path]:
 
 
 def _state(document: dict[str, Any], files: dict[str, Any], folder: Path) -> State:
-    tables = _typed(document, "project", dict)
+    tables = typed(document, "project", dict)
     project_path = document.get("project_path")
     at = _found(project_path, folder) if isinstance(project_path, str) else NOWHERE
     project = _project(tables, files, folder)
     names = [each.name for each in project.reconstructions]
     reconstruction = document.get("reconstruction")
     if reconstruction not in names:
-        _refuse(f"its reconstruction is {_shown(reconstruction)}, not one of {', '.join(names)}")
-    pairs = _pairs(document, "pairs")
+        refuse(f"its reconstruction is {shown(reconstruction)}, not one of {', '.join(names)}")
+    pairs = pairs_in(document, "pairs")
     selected = document.get("selected")
-    first = None if document.get("first_operator") is None else _pairs(document, "first_operator")
+    first = None if document.get("first_operator") is None else pairs_in(document, "first_operator")
     return State(
         replace(project, path=at),
         reconstruction,
         pairs,
         selected if selected in [pair.id for pair in pairs] else None,
         first,
-        _adopted(document.get("adopted")),
+        adopted_in(document.get("adopted")),
     )
 
 
@@ -223,20 +247,20 @@ def _project(tables: dict[str, Any], files: dict[str, Any], folder: Path) -> Pro
     paths = {}
     for name, record in files.items():
         if not isinstance(record, dict) or not isinstance(record.get("path"), str):
-            _refuse(f"the path of its {name} is missing")
+            refuse(f"the path of its {name} is missing")
         paths[name] = _found(record["path"], folder)
     tables = without_none(tables)
-    about, reference = _typed(tables, "project", dict), _typed(tables, "reference", dict)
+    about, reference = typed(tables, "project", dict), typed(tables, "reference", dict)
     if isinstance(date := about.get("date"), str):
         try:
             about["date"] = dt.date.fromisoformat(date)
         except ValueError:
-            _refuse(f"its date is {_shown(date)}")
+            refuse(f"its date is {shown(date)}")
     reference["path"] = str(paths.get("reference", _ABSENT))
     reference["region"] = str(paths.get("region", ""))
-    for table in _typed(tables, "reconstruction", list):
+    for table in typed(tables, "reconstruction", list):
         if not isinstance(table, dict):
-            _refuse(f"one of its reconstructions is {_shown(table)}")
+            refuse(f"one of its reconstructions is {shown(table)}")
         own = table.get("name")
         table["path"] = str(paths.get(f"reconstruction {own}", _ABSENT))
         table["picks"] = str(paths.get(f"picks {own}", ""))
@@ -250,10 +274,18 @@ def _project(tables: dict[str, Any], files: dict[str, Any], folder: Path) -> Pro
     return project
 
 
-def _doubts(state: State, files: dict[str, Any], known: Fingerprints) -> list[str]:
+def _doubts(
+    state: State, document: dict[str, Any], known: Fingerprints, same: Collection[Path]
+) -> list[str]:
+    """Say what has become of the files; what says the same as the session is as it was."""
+    files, project = document["files"], state.project.path
+    kept = {name: (path, files[name]) for name, path in _files(state.project).items()}
+    if isinstance(said := document.get("project_sha256"), str):
+        kept["project"] = project, {"sha256": said}
     doubts = []
-    for name, path in _files(state.project).items():
-        record = files[name]
+    for name, (path, record) in kept.items():
+        if path in same:
+            continue
         try:
             now = known.of(path, hashing="sha256" in record)
         except OSError:
@@ -261,108 +293,9 @@ def _doubts(state: State, files: dict[str, Any], known: Fingerprints) -> list[st
             doubts.append(f"{path.name} {where}.")
             continue
         if any(key in record and record[key] != now[key] for key in ("bytes", "sha256")):
-            is_picks = name.startswith("picks")
-            what = "the session keeps its own pairs" if is_picks else "its picks may not fit it"
+            what = _KEPT.get(name.partition(" ")[0], "its picks may not fit it")
             doubts.append(f"{path.name} has changed since the session was saved: {what}.")
     return doubts
-
-
-def _pair_table(pair: Pair) -> dict[str, Any]:
-    return {
-        "id": pair.id,
-        "role": pair.role,
-        "source": pair.source,
-        "target": pair.target,
-        "sigma_source": pair.sigma_source,
-        "sigma_target": pair.sigma_target,
-        "note": pair.note,
-        "extra": pair.extra,
-    }
-
-
-def _pairs(document: dict[str, Any], key: str) -> Pairs:
-    pairs = tuple(_pair(row) for row in _typed(document, key, list))
-    names = [pair.id for pair in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            _refuse(f"two of its pairs are named {name!r}")
-    return pairs
-
-
-def _pair(row: Any) -> Pair:
-    if not isinstance(row, dict) or not isinstance(name := row.get("id"), str) or not name.strip():
-        _refuse("one of its pairs has no id")
-    role = row.get("role", "control")
-    if role not in ROLES:
-        _refuse(f"pair {name!r} has the role {_shown(role)}")
-    note, extra = row.get("note", ""), row.get("extra", [])
-    if not isinstance(note, str):
-        _refuse(f"pair {name!r} has a note that is no text")
-    if not isinstance(extra, list) or not all(
-        isinstance(cell, list) and len(cell) == 2 and all(isinstance(part, str) for part in cell)
-        for cell in extra
-    ):
-        _refuse(f"pair {name!r} has columns that are no text")
-    return Pair(
-        name,
-        role,
-        _place(row.get("source"), name),
-        _place(row.get("target"), name),
-        _sigma(row.get("sigma_source"), name),
-        _sigma(row.get("sigma_target"), name),
-        note,
-        tuple((column, cell) for column, cell in extra),
-    )
-
-
-def _place(value: Any, name: str) -> Place | None:
-    if value is None:
-        return None
-    if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
-        _refuse(f"pair {name!r} has {_shown(value)} for a place")
-    x, y, z = (float(number) for number in value)
-    return x, y, z
-
-
-def _sigma(value: Any, name: str) -> float | None:
-    if value is None:
-        return None
-    if not _is_number(value) or not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
-        _refuse(f"pair {name!r} has {_shown(value)} for a sigma")
-    return float(value)
-
-
-def _adopted(value: Any) -> Adopted | None:
-    if value is None:
-        return None
-    rotation, translation = _list(value, "rotation"), _list(value, "translation")
-    numbers = [value.get("scale") if isinstance(value, dict) else None, *rotation, *translation]
-    sizes = (len(rotation), len(translation))
-    if sizes != (9, 3) or not all(map(_is_number, numbers)) or not numbers[0] > 0:
-        _refuse("its adopted similarity is none")
-    numbers = [float(number) for number in numbers]
-    adopted = Adopted(numbers[0], tuple(numbers[1:10]), tuple(numbers[10:]))
-    if not adopted.similarity.is_proper:
-        _refuse("the rotation of its adopted similarity is none")
-    return adopted
-
-
-def _list(value: Any, key: str) -> list[Any]:
-    found = value.get(key) if isinstance(value, dict) else None
-    return found if isinstance(found, list) else []
-
-
-def _is_number(value: Any) -> bool:
-    is_one = isinstance(value, int | float) and not isinstance(value, bool)
-    # NaN is not below anything either.
-    return is_one and abs(value) <= FARTHEST
-
-
-def _typed(document: dict[str, Any], key: str, kind: type) -> Any:
-    value = document.get(key)
-    if not isinstance(value, kind):
-        _refuse(f"its '{key}' is missing or of the wrong kind")
-    return value
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -374,7 +307,7 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _found(text: str, folder: Path) -> Path:
     if "\0" in text or not text:
-        _refuse(f"{_shown(text)} is no path")
+        refuse(f"{shown(text)} is no path")
     if PureWindowsPath(text).is_absolute() or PurePosixPath(text).is_absolute():
         return Path(text)
     return Path(os.path.normpath(folder / text.replace("\\", "/")))
@@ -385,12 +318,3 @@ def _iso(value: Any) -> str:
         return value.isoformat()
     message = f"{type(value).__name__} is nothing that a session holds."
     raise TypeError(message)
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
-def _refuse(reason: str) -> NoReturn:
-    raise _NotSessionError(reason)

@@ -7,6 +7,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
@@ -127,14 +128,18 @@ def contents(state: State) -> dict[Path, str | None]:
     return {path: content_of(path) for path in files if path is not None and path != NOWHERE}
 
 
-def holds_pairs(state: State) -> bool:
-    """Whether the picks file holds just what `write_project` would write there."""
-    try:
-        crs = reference_crs(state.project)
-    except TrigpointError:
-        return False
-    picks = state.given.picks
-    return picks is not None and _holds(picks, complete(state.first or state.pairs), crs)
+def settled(state: State) -> frozenset[Path]:
+    """Return which of those files hold already just what `write_project` would write there."""
+    project, picks = state.project, state.given.picks
+    held: set[Path] = set()
+    with suppress(OSError, UnicodeDecodeError):  # what can't be read says something else
+        if project.path != NOWHERE and _says(_text(project.path), project):
+            held.add(project.path)
+    with suppress(OSError, TrigpointError):  # nor does what stands in a CRS that can't be used
+        pairs = complete(state.first or state.pairs)
+        if picks is not None and _holds(picks, pairs, reference_crs(project)):
+            held.add(picks)
+    return frozenset(held)
 
 
 def write_project(
@@ -181,9 +186,12 @@ def write_project(
         picks_path = _free(path, pairs, crs)
     project = with_given(state, replace(state.given, picks=picks_path))
     project = replace(project, path=path)
+    if path == state.project.path and not path.parent.is_dir():
+        message = f"The folder of {path.name} has gone ({path.parent}): save elsewhere."
+        raise ProjectError(message)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        text = path.read_text(encoding="utf-8-sig") if path.exists() else PROJECT
+        text = _text(path) if path.exists() else PROJECT
         says = _says(text, project)
         holds = picks_path is None or _holds(picks_path, pairs, crs)
         for file, is_same in ((path, says), (picks_path, holds)):
@@ -316,6 +324,10 @@ def _toml(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_toml(item) for item in value)}]"
     return value.isoformat() if isinstance(value, dt.date) else repr(value)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8-sig")
 
 
 def _says(text: str, project: Project) -> bool:

@@ -19,7 +19,7 @@ from trigpoint_panel.fingerprints import Fingerprints, content_of
 from trigpoint_panel.model import Model
 from trigpoint_panel.ownership import Ownership, is_owned, own
 from trigpoint_panel.projects import contents, state_from_project, write_project
-from trigpoint_panel.state import NOWHERE, State
+from trigpoint_panel.state import NOWHERE, State, with_given
 
 SUFFIX = ".trig.json"
 
@@ -115,7 +115,7 @@ class Session:
         if to is None:
             message = "This session has no file yet: give it one."
             raise SessionError(message)
-        self._write(to)
+        self._write(to, self.model.state)
         self.path = to
         self._saved = _content(self.model.state)
         # What a crash left there and nobody wanted back is older now than what was saved.
@@ -146,7 +146,7 @@ class Session:
                     place.parent.mkdir(parents=True, exist_ok=True)
                 if not self._own(place):
                     continue  # another window has the session open, and changed it first
-                self._write(place, autosaving=True)
+                self._write(place, self.model.state, autosaving=True)
             except (OSError, SessionError) as error:
                 said = f"Changes are not autosaved: {error}"
                 continue
@@ -242,9 +242,22 @@ class Session:
         project = write_project(self.model.state, path, read=self._read)
         self.model.set_project(project)
         self._read = contents(self.model.state)
-        if unchanged:
-            self._saved = _content(self.model.state)
+        self._remember_project(self.model.state if unchanged else self._saved)
         return project.path
+
+    def _remember_project(self, saved: State | None) -> None:
+        """Have the session's file name the project that was written, and change nothing else."""
+        now = self.model.state
+        if saved is None or saved.reconstruction != now.reconstruction:
+            return
+        given = replace(saved.given, picks=now.given.picks)
+        saved = replace(saved, project=replace(with_given(saved, given), path=now.project.path))
+        if self.path is not None and _content(saved) != self._saved:
+            try:
+                self._write(self.path, saved)
+            except SessionError:
+                return  # there is something left to save
+        self._saved = _content(saved)
 
     def _own(self, autosave: Path) -> bool:
         """Take hold of an autosave; False: another window has it."""
@@ -270,13 +283,14 @@ class Session:
         self._read = opened.read
         self.model.load(opened.state)
 
-    def _write(self, to: Path, *, autosaving: bool = False) -> None:
+    def _write(self, to: Path, state: State, *, autosaving: bool = False) -> None:
         text = document_text(
-            self.model.state,
+            state,
             to.parent,
             cameras=self.cameras,
-            similarity=self.model.similarity,
+            similarity=(self.model if state == self.model.state else Model(state)).similarity,
             fingerprints=self._known,
+            read=self._read,
             hashing=not autosaving,
             saved_as=self.path if autosaving else None,
         )

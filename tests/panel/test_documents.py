@@ -22,7 +22,13 @@ PAIRS = (Pair("P1", "check", (0.0, 1.0, 2.0), (3.0, 4.0, 5.0), 0.1, None, "", ((
 
 def text_of(state, folder):
     return document_text(
-        state, folder, cameras={}, similarity=None, fingerprints=Fingerprints(), hashing=False
+        state,
+        folder,
+        cameras={},
+        similarity=None,
+        fingerprints=Fingerprints(),
+        read={},
+        hashing=False,
     )
 
 

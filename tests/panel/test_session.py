@@ -518,6 +518,81 @@ def test_picks_that_the_session_itself_wrote_are_not_changed_outside(small_proje
     session.write_project()
 
 
+@pytest.mark.parametrize("when", ["before saving", "after saving"])
+def test_a_project_changed_outside_is_named_when_its_session_opens(small_project, tmp_path, when):
+    project, _ = small_project()
+    session = Session(Model(), scratch=tmp_path / "scratch")
+    session.open(project)
+    before = project.read_text()
+    edited = before.replace("accuracy_m = 0.02", "accuracy_m = 0.05")
+    if when == "before saving":
+        project.write_text(edited)
+    session.save(tmp_path / "a.trig.json")
+    project.write_text(edited)
+    doubt = (
+        "project.toml has changed since the session was saved: the session keeps its own settings."
+    )
+    for _ in range(2):
+        session, doubts = again(session)
+        assert doubts == (doubt,)
+        session.save()  # settles nothing
+    with pytest.raises(TrigpointError, match=r"^project.toml has changed since it was read"):
+        session.write_project()
+    assert project.read_text() == edited
+    project.write_text(before)
+    assert again(session)[1] == ()
+    project.unlink()
+    assert again(session)[1][0].startswith("project.toml is not where the session left it")
+
+
+def test_comments_in_a_project_are_no_change_of_it(small_project, tmp_path):
+    session = Session(Model(), scratch=tmp_path / "scratch")
+    session.open(small_project()[0])
+    session.save(tmp_path / "a.trig.json")
+    project = session.model.state.project.path
+    project.write_text(f"# Mine.\n{project.read_text()}")
+    other, doubts = again(session)
+    assert doubts == ()
+    other.model.set_role({"c1"}, "off")
+    other.model.set_comparison(voxel_m=0.3)
+    other.write_project()
+    assert project.read_text().startswith("# Mine.\n")
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_session_knows_the_project_that_it_wrote_after_it_was_saved(started, tmp_path, changed):
+    started.model.set_reference(crs="EPSG:32615")
+    started.save(tmp_path / "a.trig.json")
+    if changed:
+        started.model.cycle_role({"P1"})
+    assert started.write_project() == tmp_path / "a.toml"
+    assert started.is_modified is changed
+    other, doubts = again(started)  # closed without saving
+    assert doubts == ()
+    assert other.model.state.project.path == tmp_path / "a.toml"
+    assert other.model.pairs[0].role == "control"
+    other.model.set_comparison(voxel_m=0.3)
+    other.write_project()
+    assert "0.3" in (tmp_path / "a.toml").read_text()
+
+
+def test_a_project_is_not_written_into_a_folder_that_has_gone(small_project, tmp_path):
+    project, _ = small_project(tmp_path / "work")
+    session = Session(Model(), scratch=tmp_path / "scratch")
+    session.open(project)
+    session.save(tmp_path / "work" / "a.trig.json")
+    session.model.set_comparison(voxel_m=0.3)
+    shutil.rmtree(tmp_path / "work")
+    with pytest.raises(TrigpointError, match=r"^The folder of project.toml has gone \("):
+        session.write_project()
+    with pytest.raises(SessionError, match=r"^a.trig.json can't be written: No such file"):
+        session.save()
+    assert session.autosave() == ""
+    assert not (tmp_path / "work").exists()
+    assert len(list((tmp_path / "scratch").glob("*~"))) == 1
+    session.discard_autosave()
+
+
 def test_the_project_of_another_is_not_overwritten(small_project, started):
     project, _ = small_project()
     before = project.read_bytes()
