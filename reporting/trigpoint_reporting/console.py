@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from trigpoint_reporting.terminal import show_pairs, show_table
 
 Results = Mapping[str, Any]
 Say = Callable[[str], None]
@@ -19,36 +20,20 @@ def number(value: float | None, digits: int = 3) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def show_table(
-    console: Console,
-    title: str,
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    note: str = "",
-) -> None:
-    """Print one table; the first column is text, the rest are numbers."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left", no_wrap=True)
-    for row in rows:
-        # Ids come from the user's files: as Text they are data, not console markup.
-        table.add_row(*(Text(cell) for cell in row))
-    console.print(table)
-    if note:
-        console.print(Text(note), style="dim")
-        console.print()
+def length(value: float | None) -> str:
+    """Format a number of metres; a missing one is not available."""
+    return "not available" if value is None else f"{value:.3f} m"
 
 
 def show_alignment(console: Console, results: Results, *, name: str = "") -> None:
     """Print a similarity, its residuals, leave-one-out, reliability and check picks."""
     alignment, loocv = results["alignment"], results["loocv"]
     of = f" of {name}" if name else ""
-    tried = f"{alignment['trials']:,} samples, seed {alignment['seed']}"
-    how = {
-        "ransac": f"RANSAC ({tried})",
-        "exhaustive": f"all {alignment['trials']:,} minimal sets",
-        "all": "all picks, no consensus",
+    trials = f"{alignment['trials']:,}"
+    consensus = {
+        "ransac": ("RANSAC", f"{trials} samples, seed {alignment['seed']}"),
+        "exhaustive": ("exhaustive", f"all {trials} minimal sets"),
+        "all": ("none", "all picks are used"),
     }[alignment["method"]]
     agrees = {
         True: "; trying every minimal set agrees",
@@ -64,40 +49,17 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
         ("scale", f"{alignment['scale']:.6f}", f"95 %: {interval}" if interval else ""),
         (
             "fit RMSE",
-            f"{number(alignment['rmse_m'])} m",
+            length(alignment["rmse_m"]),
             f"over {alignment['n']} of {len(alignment['residuals'])} control picks; "
-            f"{number(alignment['rmse_dof_m'])} m by {alignment['dof']} degrees of freedom",
+            f"{length(alignment['rmse_dof_m'])} by {alignment['dof']} degrees of freedom",
         ),
-        (
-            "leave-one-out RMSE",
-            f"{number(loocv['rmse_m'])} m",
-            f"{number(loocv['rmse_procedure_m'])} m with the consensus redone in each fold",
-        ),
-        (
-            "largest scale change",
-            f"{number(loocv['max_scale_change_pct'], 3)} %",
-            "when one pick is left out",
-        ),
-        (
-            "sigma of a coordinate",
-            f"{number(reliability['sigma0_m'])} m",
-            f"95 %: {number(reliability['sigma0_low_m'])} to "
-            f"{number(reliability['sigma0_high_m'])} m",
-        ),
+        *_held_out(loocv),
+        ("sigma of a coordinate", length(reliability["sigma0_m"]), _range(reliability, "sigma0")),
         *_sigmas(reliability),
         ("geometry", reliability["geometry"], ""),
-        ("consensus", how, agrees.removeprefix("; ")),
+        ("consensus", consensus[0], consensus[1] + agrees),
     ]
-    table = Table(
-        title=f"Similarity{of}",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_header=False,
-    )
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    console.print(table)
+    show_pairs(console, f"Similarity{of}", rows)
 
     folds = {fold["id"]: fold for fold in loocv["folds"]}
     picks = {pick["id"]: pick for pick in reliability["picks"]}
@@ -151,12 +113,28 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
         )
 
 
+def _held_out(loocv: Results) -> Iterator[tuple[str, str, str]]:
+    """Say how far picks are missed that the fit has not seen."""
+    if loocv["rmse_m"] is None:
+        yield "leave-one-out RMSE", "not available", ""
+        return
+    redone = f"{length(loocv['rmse_procedure_m'])} with the consensus redone in each fold"
+    yield "leave-one-out RMSE", length(loocv["rmse_m"]), redone
+    change = f"{loocv['max_scale_change_pct']:.3f} %"
+    yield "largest scale change", change, "when one pick is left out"
+
+
+def _range(found: Results, name: str) -> str:
+    low, high = found[f"{name}_low_m"], found[f"{name}_high_m"]
+    return "" if low is None or high is None else f"95 %: {low:.3f} to {high:.3f} m"
+
+
 def _check_note(checks: Results) -> str:
     mean = ", ".join(f"{each:+.3f}" for each in checks["mean_m"])
     total = checks["total_m"]
     whole = "" if total is None else f"; {total:.3f} m with the reference's own accuracy added"
     return (
-        f"RMSE {number(checks['rmse_m'])} m over {checks['n']} check picks, mean error {mean} m "
+        f"RMSE {length(checks['rmse_m'])} over {checks['n']} check picks, mean error {mean} m "
         f"(E, N, h){whole}."
     )
 
@@ -166,9 +144,9 @@ def _sigmas(reliability: Results) -> Iterator[tuple[str, str, str]]:
     if reliability["noise"] == "stated":
         p = reliability["global_p_value"]
         fits = f"as the picks state; chi-square test of the residuals p {p:.3f}"
-        yield "sigma used", f"{number(reliability['sigma_m'])} m", fits
+        yield "sigma used", length(reliability["sigma_m"]), fits
     else:
-        yield "sigma used", f"{number(reliability['sigma_m'])} m", "from the residuals"
+        yield "sigma used", length(reliability["sigma_m"]), "from the residuals"
     for found in reliability["repeats"]:
         unit = "m" if found["frame"] == "target" else "units"
         yield (
@@ -216,7 +194,7 @@ def show_icp(console: Console, icp: Results | None, *, name: str = "") -> None:
 
 
 def show_comparison(console: Console, comparison: Results, *, title: str = "") -> None:
-    """Print accuracy and completeness by zone."""
+    """Print accuracy and completeness by zone, and what their intervals mean."""
     for direction, arrow in (
         ("accuracy", "reconstruction to reference"),
         ("completeness", "reference to reconstruction"),
@@ -251,6 +229,26 @@ def show_comparison(console: Console, comparison: Results, *, title: str = "") -
             ),
             rows,
         )
+    intervals = comparison.get("intervals")
+    if intervals is not None:
+        stray = (
+            " What was measured, in front of an interval, can lie outside it: noise in the pose "
+            "makes most clouds look worse than they are."
+        )
+        console.print(
+            Text(intervals["statement"] + (stray if _strays(comparison) else "")), style="dim"
+        )
+        console.print()
+
+
+def _strays(comparison: Results) -> bool:
+    """Say whether a measured share lies outside its own interval."""
+    return any(
+        share["low_pct"] is not None and not share["low_pct"] <= share["pct"] <= share["high_pct"]
+        for direction in ("accuracy", "completeness")
+        for row in comparison[direction].values()
+        for share in row["within"]
+    )
 
 
 def _share(within: Results) -> str:
@@ -282,11 +280,10 @@ def show_audit(console: Console, results: Results, folder: str) -> None:
         if each["alignment"] is not None:
             show_alignment(console, each, name=name)
         show_icp(console, each["icp"], name=name)
-        show_comparison(console, each["comparison"]["delivered"], title=f" of {name}, as delivered")
-        if each["comparison"]["after_icp"] is not None:
-            show_comparison(
-                console, each["comparison"]["after_icp"], title=f" of {name}, after ICP"
-            )
+        delivered, after = each["comparison"]["delivered"], each["comparison"]["after_icp"]
+        show_comparison(console, delivered, title=f" of {name}, as delivered")
+        if after is not None:
+            show_comparison(console, after, title=f" of {name}, after ICP")
     if results["criteria"]:
         show_table(
             console,
