@@ -187,9 +187,14 @@ def examine(picks: Picks) -> tuple[Caution, ...]:
         )
         cautions.append(Caution("picks_swapped", message))
     if len(control) >= FEWEST and (are_coplanar(control.source) or are_coplanar(control.target)):
+        weakness = (
+            "as three always do: errors across it show in no residual"
+            if len(control) == FEWEST
+            else "and errors across it are poorly controlled"
+        )
         message = (
-            f"the {len(control)} control picks lie in one plane: errors across it are poorly "
-            f"controlled, and a mirrored frame can't be told. Add a pick well off the plane."
+            f"the {len(control)} control picks lie in one plane, {weakness}, and a mirrored frame "
+            f"can't be told. Add a pick well off the plane."
         )
         cautions.append(Caution("picks_coplanar", message))
     if are_mirrored(control.source, control.target):

@@ -25,6 +25,8 @@ from trigpoint.similarity import (
 )
 
 CONFIDENCE = 0.95
+# Where the source frame has twice the target's share of the picks' variance, it decides alone.
+DOMINANT = 2 / 3
 REFUTED = 0.025  # on either side, of the test of residuals against stated sigmas
 
 
@@ -304,7 +306,7 @@ def _stated(
         )
         raise ValueError(message)
     shares = both[:, 0] ** 2 / total**2
-    if np.nan_to_num(shares).mean() > 0.5:
+    if np.nan_to_num(shares).mean() > DOMINANT:
         message = (
             f"Picking in the source frame makes {100 * float(np.nan_to_num(shares).mean()):.0f} % "
             f"of the picks' variance: {similarity.scale:.4g} times its sigma in the target frame."
@@ -342,14 +344,18 @@ def _statement(
     exact: bool,
 ) -> str:
     if count == 3:
-        check = "2 redundant equations, so no pick can be tested and reliability is not assessable"
+        check = (
+            "2 redundant equations, so no pick can be tested and reliability is not assessable: "
+            "add at least one, better three"
+        )
     elif exact and noise == "residuals":
         check = "they fit exactly, which real picks do not, so their sigma is not known"
     else:
         origin = "as stated" if noise == "stated" else f"from {3 * count - 7} redundant equations"
         check = f"one pick is good to {sigma:.3g} m per axis, {origin}"
     if verdict == "sound":
-        return f"Sound: the {count} picks pin the similarity down; {check}."
+        layout = "are laid out well" if count == 3 else "pin the similarity down"
+        return f"Sound: the {count} picks {layout}; {check}."
     return f"{verdict.capitalize()}: {'; also, '.join(reasons)} ({check})."
 
 
