@@ -200,7 +200,8 @@ def read_project(path: str | Path) -> Project:
     Parameters
     ----------
     path : path
-        A project.toml. Paths inside it are relative to its folder and stay in it, or are absolute.
+        A project.toml, or the folder that holds it. Paths inside it are relative to its folder and
+        stay in it, or are absolute.
 
     Raises
     ------
@@ -209,6 +210,8 @@ def read_project(path: str | Path) -> Project:
         range or a path that leaves its folder. The message names the table and the key.
     """
     path = Path(path).absolute()
+    if path.is_dir():
+        path /= "project.toml"
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from trigpoint.canonical import write_text
 from trigpoint.errors import ProjectError
+from trigpoint.project import LONGEST
 
 PROJECT = """\
 # A trigpoint project. Paths are relative to this file and stay in its folder, or are absolute.
@@ -122,13 +124,17 @@ def project_text(changes: Mapping[str, str]) -> str:
 def start_project(folder: str | Path) -> tuple[Path, ...]:
     """Write the files of a new project into a folder, and say which.
 
+    The project takes the folder's name, in letters that every system can write.
+
     Raises
     ------
     ProjectError
         If one of them is already there: nothing is overwritten.
     """
     folder = Path(folder)
-    written = {folder / "project.toml": PROJECT, folder / "picks.csv": PICKS}
+    name = re.sub("[^A-Za-z0-9._-]+", "-", folder.absolute().name).strip("._-")[:LONGEST]
+    text = project_text({'id = "my-building"': f'id = "{name}"'}) if name else PROJECT
+    written = {folder / "project.toml": text, folder / "picks.csv": PICKS}
     for path in written:
         if path.exists():
             message = f"{path} is already there; a new project needs a folder without one."
