@@ -10,8 +10,9 @@ import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from html import unescape
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote, urlsplit
@@ -134,7 +135,8 @@ def letters_without_font(html: str) -> str:
 
 def _weasyprint() -> Any:
     try:
-        with warnings.catch_warnings():
+        # It prints what it lacks, where a JSON object may be expected: the message below says it.
+        with redirect_stdout(StringIO()), warnings.catch_warnings():
             # Without harfbuzz-subset it warns of a version to come; the clock below is fixed.
             warnings.simplefilter("ignore")
             import weasyprint  # type: ignore[import-untyped]
