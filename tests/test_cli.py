@@ -45,9 +45,13 @@ def test_version_is_printed(run):
 
 def test_no_command_shows_the_commands(run):
     code, out, err = run()
-    assert code == 2
-    for command in ("demo", "new", "info", "align", "compare", "apply", "audit"):
-        assert command in out + err
+    assert (code, out) == (2, "")
+    lines = [line.split(None, 1) for line in err.splitlines()]
+    for command in ("demo", "new", "info", "align", "compare", "apply", "audit", "verify"):
+        told = [rest for first, *rest in filter(None, lines) if first == command]
+        assert len(told) == 1
+        assert told[0][0].rstrip().endswith(".")
+        assert "..." not in told[0][0]
 
 
 def test_new_lays_out_a_project_that_can_be_read(run, tmp_path):
@@ -56,8 +60,19 @@ def test_new_lays_out_a_project_that_can_be_read(run, tmp_path):
     assert out.splitlines() == [
         str(tmp_path / "site" / name) for name in ("project.toml", "picks.csv")
     ]
-    assert trigpoint.read_project(tmp_path / "site" / "project.toml").about.id == "my-building"
+    assert trigpoint.read_project(tmp_path / "site").about.id == "site"
     assert len(trigpoint.read_picks(tmp_path / "site" / "picks.csv")) == 0
+    _, out, _ = run("new", tmp_path / "other", "--json")
+    assert json.loads(out)["written"][0] == str(tmp_path / "other" / "project.toml")
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("Maria-Laach 2", "Maria-Laach-2"), (".kirche", "kirche"), ("教会", "my-building")],
+)
+def test_a_new_project_is_named_after_its_folder(run, tmp_path, folder, name):
+    run("new", tmp_path / folder)
+    assert trigpoint.read_project(tmp_path / folder).about.id == name
 
 
 def test_new_overwrites_nothing(run, tmp_path):
@@ -147,6 +162,26 @@ def test_compare_prints_the_contract_and_zero_for_itself(run, small):
     assert printed["accuracy"]["all"]["rmse_m"] == 0
     assert printed["completeness"]["upper"]["within"][1]["pct"] == 100
     assert printed["icp"] is None
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100, 200])
+def test_no_number_is_shortened_on_a_narrow_terminal(run, small, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    _, out, _ = run("align", small / "picks.csv")
+    assert "…" not in out
+    assert max(map(len, out.splitlines())) <= columns
+    found = json.loads(run("align", small / "picks.csv", "--json")[1])
+    for pick in found["reliability"]["picks"]:
+        assert f"{pick['detectable_blunder_m']:.2f}" in out
+    for pick in found["alignment"]["residuals"]:
+        assert sum(line.split()[:1] == [pick["id"]] for line in out.splitlines()) >= 1
+
+
+@pytest.mark.parametrize("option", [[], ["--icp"]])
+def test_compare_says_of_which_pose_its_numbers_are(run, small, option):
+    _, out, _ = run("compare", small / "sfm.laz", small / "lidar.laz", "--voxel", 0, *option)
+    for direction in ("Accuracy", "Completeness"):
+        assert (f"{direction} after ICP: " in out) == bool(option)
 
 
 def test_compare_with_icp_says_what_it_moved(run, small):
@@ -250,6 +285,32 @@ def test_apply_gives_each_point_its_sigma_on_request(run, small, tmp_path):
     sigmas = np.column_stack([cloud.attributes[name] for name in ("sigma_e", "sigma_n", "sigma_h")])
     np.testing.assert_allclose(sigmas, worth.sigma(cloud.coordinates), rtol=1e-3)
     assert "red" in cloud.attributes
+
+
+def test_one_file_carries_a_cloud_with_its_crs_and_its_sigmas(run, small, tmp_path):
+    path, there = tmp_path / "s.json", tmp_path / "there.laz"
+    _, out, _ = run("align", small / "picks.csv", "--crs", "EPSG:32615", "--json")
+    path.write_text(out, encoding="utf-8")
+    assert run("apply", path, small / "nerf.ply", there, "--sigma")[0] == 0
+    cloud = trigpoint.read(there)
+    assert cloud.crs.to_epsg() == 32615
+    assert "sigma_h" in cloud.attributes
+
+
+@pytest.mark.parametrize("written", ["nerf.ply", "s.json"])
+def test_apply_does_not_overwrite_what_it_reads(run, small, written):
+    run("align", small / "picks.csv", "--out", small / "s.json")
+    before = (small / written).read_bytes()
+    code, _, err = run("apply", small / "s.json", small / "nerf.ply", small / written)
+    assert code == 2
+    assert "it would be overwritten" in err
+    assert (small / written).read_bytes() == before
+
+
+def test_align_does_not_overwrite_the_picks(run, small):
+    before = (small / "picks.csv").read_bytes()
+    assert run("align", small / "picks.csv", "--out", small / "picks.csv")[0] == 2
+    assert (small / "picks.csv").read_bytes() == before
 
 
 @pytest.mark.parametrize(

@@ -181,15 +181,14 @@ def read_similarity(path: str | Path) -> tuple[Similarity, str | None]:
         If the file is missing, is not JSON, or holds no proper similarity.
     """
     path, stored = Path(path), _stored(path)
-    if isinstance(stored, Mapping):
-        stored = stored.get("alignment", stored)
     try:
+        stored = stored.get("alignment", stored)
         fit = Similarity(
             float(stored["scale"]),
             np.array(stored["rotation"], np.float64).reshape(3, 3),
             np.array(stored["translation"], np.float64).reshape(3),
         )
-    except (KeyError, OverflowError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         message = (
             f"{path.name} holds no similarity: it needs 'scale', a 'rotation' of 3 x 3 numbers and "
             "a 'translation' of 3."
@@ -225,10 +224,12 @@ def read_sigma(path: str | Path) -> Callable[[Points], Points]:
         worth = stored["reliability"]
         centroid = np.array(worth["centroid_m"], np.float64).reshape(3)
         covariance = np.array(worth["covariance"], np.float64).reshape(7, 7)
-    except (KeyError, OverflowError, TypeError, ValueError) as error:
+        if not np.isfinite([*centroid, *covariance.ravel()]).all():
+            raise ValueError
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         message = (
             f"{path.name} holds no covariance to take sigmas from: give the whole output of "
-            "`trigpoint align --json`."
+            "`trigpoint align --json`, of picks that determine it."
         )
         raise SimilarityError(message) from error
     return partial(sigma_at, centroid=centroid, covariance=covariance)

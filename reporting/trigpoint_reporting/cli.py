@@ -44,7 +44,6 @@ from trigpoint_reporting.verification import verify as verify_bundle
 
 app = typer.Typer(
     add_completion=False,
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Carry a neural reconstruction into a geodetic frame with one similarity, "
@@ -90,12 +89,16 @@ def main() -> NoReturn:
 
 
 @app.callback(invoke_without_command=True)
-def _version(
+def _without_command(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
 ) -> None:
     if version:
         typer.echo(f"trigpoint {trigpoint.__version__}")
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help(), err=True)
+        raise typer.Exit(2)
 
 
 @app.command()
@@ -113,15 +116,24 @@ def demo(
 
 
 @app.command()
-def new(folder: Annotated[Path, Existing]) -> None:
-    """Lay out a project: a commented project.toml, an empty picks.csv, where things go."""
-    for path in start_project(folder):
-        typer.echo(path)
+def new(folder: Annotated[Path, Existing], as_json: AsJson = False) -> None:
+    """Lay out a project.
+
+    A commented project.toml and an empty picks.csv, with where things go.
+    """
+    written = [str(path) for path in start_project(folder)]
+    if as_json:
+        _print_json({"written": written})
+    else:
+        typer.echo("\n".join(written))
 
 
 @app.command()
 def info(file: Annotated[Path, Existing], crs: Crs = "", as_json: AsJson = False) -> None:
-    """Say what a cloud or pick file is: points, extent, CRS, units, attributes, doubts."""
+    """Say what a cloud or pick file is.
+
+    Points, extent, CRS, units, attributes, and what is doubtful.
+    """
     results = plain(inspect(file, crs=crs or None))
     if as_json:
         _print_json(results)
@@ -134,7 +146,10 @@ def align(
     picks: Annotated[Path, Existing],
     repeat: Annotated[
         list[Path] | None,
-        typer.Option(help="The same places picked again, which gives the sigmas; may be repeated."),
+        typer.Option(
+            metavar="PATH",
+            help="The same places picked again, which gives the sigmas; may be repeated.",
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the similarity here.")] = None,
     method: Annotated[
@@ -151,7 +166,11 @@ def align(
     crs: Crs = "",
     as_json: AsJson = False,
 ) -> None:
-    """Fit one similarity to picks alone: residuals, leave-one-out, reliability."""
+    """Fit one similarity to picks alone.
+
+    With residuals, leave-one-out and reliability.
+    """
+    _refuse_overwriting(out, picks, *(repeat or []))
     used, repeats = trigpoint.read_picks(picks, crs=parse_crs(crs)), None
     if repeat:
         again = [trigpoint.read_picks(path, crs=parse_crs(crs)) for path in repeat]
@@ -165,8 +184,9 @@ def align(
         weighted=weighted,
     )
     results = plain(alignment_results(alignment, repeats=repeats))
+    results["alignment"]["crs"] = crs or None
     if out is not None:
-        write_text(out, to_json({**results["alignment"], "crs": crs or None}))
+        write_text(out, to_json(results["alignment"]))
     if as_json:
         _print_json(results)
     else:
@@ -183,7 +203,9 @@ def compare(
     ] = 0.10,
     within: Annotated[
         list[float] | None,
-        typer.Option(help="A distance in metres; may be repeated. By default 0.05, 0.10, 0.20."),
+        typer.Option(
+            metavar="METRES", help="A distance; may be repeated. By default 0.05, 0.10, 0.20."
+        ),
     ] = None,
     zones: Annotated[str, typer.Option(help="Cuts of the reference's height range.")] = "0.33,0.66",
     margin: Annotated[
@@ -193,7 +215,10 @@ def compare(
     crs: Crs = "",
     as_json: AsJson = False,
 ) -> None:
-    """Measure accuracy and completeness of one georeferenced cloud against a reference."""
+    """Measure a georeferenced cloud against a reference.
+
+    Accuracy one way, completeness the other, by height zone.
+    """
     cuts = tuple(_number(text, "--zones") for text in zones.split(","))
     padding = None if margin == "none" else _number(margin, "--margin")
     with _progress() as say:
@@ -217,7 +242,7 @@ def compare(
         _print_json(results)
     else:
         people.show_icp(_people(), results["icp"])
-        people.show_comparison(_people(), results)
+        people.show_comparison(_people(), results, title=" after ICP" if icp else "")
         people.show_warnings(_people(), results["warnings"])
 
 
@@ -233,10 +258,14 @@ def apply(
     crs: Crs = "",
     as_json: AsJson = False,
 ) -> None:
-    """Carry a cloud into the frame: every attribute kept, normals turned, faces carried."""
+    """Carry a cloud into the frame.
+
+    Every attribute is kept, normals are turned, faces carried.
+    """
     if sigma and inverse:
         message = "--sigma is of georeferenced points: it can't go with --inverse."
         raise SettingError(message)
+    _refuse_overwriting(target, source, similarity)
     fit, stated_crs = read_similarity(similarity)
     sigmas = read_sigma(similarity) if sigma else None
     with _progress() as say:
@@ -258,22 +287,27 @@ def apply(
 
 @app.command()
 def audit(
-    projects: Annotated[list[Path], Existing],
+    projects: Annotated[
+        list[Path],
+        typer.Argument(
+            show_default=False, metavar="PROJECT", help="A project.toml, or its folder."
+        ),
+    ],
     out: Annotated[Path | None, typer.Option(help="Folder of the bundles.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run whole projects, each ending in a bundle: results, tables and clouds."""
+    """Run whole projects, each ending in a bundle with its report."""
     raise typer.Exit(_audit(projects, out, as_json))
 
 
 @app.command()
 def verify(
-    bundle: Annotated[Path, Existing],
+    bundle: Annotated[Path, typer.Argument(show_default=False, help="A folder or a zip.")],
     inputs: Annotated[Path | None, typer.Option(help="Folder of the files audited.")] = None,
     again: Annotated[bool, typer.Option("--again", help="Run the audit again from them.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Verify a bundle, folder or zip: recompute and compare, and name what differs."""
+    """Verify a bundle: recompute, compare, name what differs."""
     with _progress() as say:
         found = verify_bundle(bundle, inputs=inputs, again=again, say=say)
     if as_json:
@@ -325,6 +359,13 @@ def _report(folder: Path, say: people.Say) -> tuple[Caution, ...]:
     return write_report(folder, say=say)
 
 
+def _refuse_overwriting(written: Path | None, *read: Path) -> None:
+    for path in read:
+        if written is not None and written.exists() and path.exists() and written.samefile(path):
+            message = f"{written} is read: it would be overwritten. Name another file to write."
+            raise SettingError(message)
+
+
 def _number(text: str, option: str) -> float:
     try:
         return float(text)
@@ -335,7 +376,8 @@ def _number(text: str, option: str) -> float:
 
 def _people() -> Console:
     # Wide enough for the tables where there is no terminal to ask: a log, a pipe.
-    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, emoji=False)
+    stated = sys.stdout.isatty() or "COLUMNS" in os.environ
+    return Console(width=None if stated else 160, highlight=False, emoji=False)
 
 
 @contextmanager

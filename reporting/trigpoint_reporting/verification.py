@@ -116,7 +116,7 @@ def verify(
         _compare_verifiers(report, folder, results)
         if inputs is None:
             if again:
-                message = "Running the audit again needs the inputs: say where they lie."
+                message = "Running the audit again needs its inputs: --inputs says where they lie."
                 raise BundleError(message)
             return Verification(path.name, report)
         found, other, missing = find_inputs(results, Path(inputs))
