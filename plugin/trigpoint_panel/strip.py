@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from qtpy.QtCore import Qt, Signal
+from qtpy.QtCore import QSize, Qt, Signal
+from qtpy.QtGui import QResizeEvent, QTextOption
 from qtpy.QtWidgets import (
     QApplication,
+    QBoxLayout,
     QFrame,
     QHBoxLayout,
     QLabel,
@@ -24,6 +26,49 @@ from trigpoint_panel.style import look_of
 WORDS = {"info": "Note", "success": "Done", "warning": "Doubt", "error": "Problem"}
 SIGNS = {"info": "i", "success": "✓", "warning": "!", "error": "✗"}
 MOST = 3  # messages at once; older ones make room
+NARROW = 800  # pixels; in less the buttons go below their message
+MARGIN = 2  # pixels above and below a sentence
+LEFT, RIGHT = 10, 4  # of a message
+LINES = 5  # of a message at once; what is longer scrolls
+
+
+class Sentence(QPlainTextEdit):
+    """A text as high as its lines, to be read and copied whole in whatever width there is.
+
+    A label would ask for the width of its longest word, and a path is one word.
+    """
+
+    def __init__(self, text: str, parent: QWidget | None = None) -> None:
+        super().__init__(text, parent)
+        self.setObjectName("sentence")
+        self.setReadOnly(True)
+        self.setTabChangesFocus(True)
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)
+        self.setWordWrapMode(QTextOption.WrapMode.WrapAtWordBoundaryOrAnywhere)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.viewport().setAutoFillBackground(False)
+        self.document().setDocumentMargin(MARGIN)
+        self._fit()
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the room it needs: a few words' width."""
+        return QSize(160, self.height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Take the height that the new width asks for."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        lines = int(self.document().size().height())  # of a plain text Qt counts lines here
+        scrolls = lines > LINES
+        policy = Qt.ScrollBarPolicy
+        self.setVerticalScrollBarPolicy(
+            policy.ScrollBarAsNeeded if scrolls else policy.ScrollBarAlwaysOff
+        )
+        self.setFixedHeight(min(lines, LINES) * self.fontMetrics().lineSpacing() + 2 * MARGIN + 2)
 
 
 class Message(QFrame):
@@ -44,20 +89,25 @@ class Message(QFrame):
         self.setObjectName("message")
         self.setAccessibleName(f"{WORDS[level]}: {text}")
         column = QVBoxLayout(self)
-        column.setContentsMargins(10, 4, 4, 4)
+        column.setContentsMargins(LEFT, 4, RIGHT, 4)
         column.setSpacing(4)
-        row = QHBoxLayout()
+        self._sides = QBoxLayout(QBoxLayout.Direction.LeftToRight)
+        self._sides.setSpacing(4)
+        top = QHBoxLayout()
+        top.setSpacing(8)
+        top.addLayout(self._sides, 1)
+        column.addLayout(top)
+        said, row = self._said, self._ways = QHBoxLayout(), QHBoxLayout()
+        said.setSpacing(8)
         row.setSpacing(8)
-        column.addLayout(row)
+        row.addStretch(1)
+        self._sides.addLayout(said, 1)
+        self._sides.addLayout(row)
         self.word = QLabel(f"{SIGNS[level]}  {WORDS[level]}", self)
         self.word.setObjectName("word")
-        row.addWidget(self.word, 0, Qt.AlignmentFlag.AlignVCenter)
-        self.label = QLabel(text, self)
-        self.label.setTextFormat(Qt.TextFormat.PlainText)
-        self.label.setWordWrap(True)
-        self.label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        row.addWidget(self.label, 1)
+        said.addWidget(self.word, 0, Qt.AlignmentFlag.AlignVCenter)
+        self.sentence = Sentence(text, self)
+        said.addWidget(self.sentence, 1, Qt.AlignmentFlag.AlignVCenter)
         self.buttons: list[QToolButton] = []
         for name, act in actions:
             self._button(row, name, partial(self._act, act))
@@ -69,10 +119,23 @@ class Message(QFrame):
             column.addWidget(self._details)
             self._button(row, "Details", self._toggle_details)
             self._button(row, "Copy", self._copy)
-        close = self._button(row, "✕", self.close_message)
+        close = self._button(top, "✕", self.close_message)
         close.setAccessibleName("Close this message")
         close.setToolTip("Close this message")
         self.restyle()
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the room it needs: the buttons may go below the sentence."""
+        widest = max(side.minimumSize().width() for side in (self._said, self._ways))
+        rest = self.buttons[-1].sizeHint().width() + 8 + LEFT + RIGHT
+        return QSize(widest + rest, super().minimumSizeHint().height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Put the buttons below the sentence where there is no room beside it."""
+        super().resizeEvent(event)
+        beside = self.width() >= NARROW
+        way = QBoxLayout.Direction
+        self._sides.setDirection(way.LeftToRight if beside else way.TopToBottom)
 
     def close_message(self) -> None:
         """Go away."""
@@ -86,6 +149,7 @@ class Message(QFrame):
             f"#message {{ background: {look.raised}; border: 0; "
             f"border-left: 4px solid {colour}; border-bottom: 1px solid {look.line}; }}"
             f"#word {{ color: {colour}; font-weight: 600; }}"
+            "#sentence { background: transparent; border: 0; }"
         )
 
     def _act(self, act: Callable[[], object]) -> None:

@@ -157,6 +157,36 @@ def test_the_strip_shows_the_newest_on_top_and_the_same_once(qtbot):
     assert strip.isHidden()
 
 
+PATH = "/survey/" + "a-folder-with-a-long-name/" * 12 + "project.toml"
+
+
+@pytest.mark.parametrize("text", [f"{PATH} can't be written.", "word " * 60, PATH.replace("/", "")])
+def test_a_long_message_is_read_whole_and_widens_nothing(window, qtbot, text):
+    window.resize(700, 600)
+    narrowest = window.minimumSizeHint().width()
+    ways_out = [("Restore", lambda: None), ("Delete them", lambda: None)]
+    message = window.strip.add("error", text, "why", ways_out)
+    qtbot.waitUntil(lambda: message.height() >= message.sentence.height() > 30, timeout=2000)
+    assert window.minimumSizeHint().width() == narrowest
+    assert window.width() == 700
+    sentence = message.sentence
+    lines = int(sentence.document().size().height())
+    assert 1 < lines <= 5
+    assert sentence.viewport().height() >= lines * sentence.fontMetrics().lineSpacing()
+    assert sentence.verticalScrollBar().maximum() == 0
+    sentence.selectAll()
+    sentence.copy()
+    assert QApplication.clipboard().text() == text
+    window.resize(1200, 600)
+    qtbot.waitUntil(lambda: int(sentence.document().size().height()) < lines, timeout=2000)
+
+
+def test_a_message_of_many_lines_leaves_room_and_scrolls(window, qtbot):
+    message = window.strip.add("error", "\n".join(map(str, range(200))))
+    qtbot.waitUntil(lambda: message.sentence.verticalScrollBar().maximum() > 100, timeout=2000)
+    assert message.height() < 150
+
+
 def test_a_crs_is_named_back_before_it_is_taken(qtbot):
     taken = []
     field = CrsField(None, "", taken.append)
