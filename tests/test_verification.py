@@ -465,7 +465,7 @@ def test_other_versions_drift_and_do_not_fail(bundle, audit_again):
 
 
 def test_running_again_needs_the_inputs(bundle, tmp_path):
-    with pytest.raises(BundleError, match="needs the inputs"):
+    with pytest.raises(BundleError, match="needs its inputs"):
         verify(bundle, again=True)
     with pytest.raises(BundleError, match="not at hand"):
         verify(bundle, inputs=tmp_path, again=True)

@@ -274,10 +274,10 @@ def _thresholds_on_the_lattice(
     low = [threshold for threshold in within if lattice is not None and threshold <= lattice.voxel]
     if lattice is not None and low:
         listed = ", ".join(f"{threshold:g}" for threshold in low)
+        which = f"The threshold {listed} m is" if len(low) == 1 else f"Thresholds {listed} m are"
         message = (
-            f"The thresholds {listed} m are not above the voxel of {lattice.voxel:g} m: shares "
-            "within them depend on where the lattice starts. Read the unthinned shares beside "
-            "them, or take a smaller voxel."
+            f"{which} not above the voxel of {lattice.voxel:g} m: the share within depends on "
+            "where the lattice starts. Read the unthinned share beside it, or take a smaller voxel."
         )
         yield Caution("threshold_below_voxel", message)
 
@@ -285,9 +285,10 @@ def _thresholds_on_the_lattice(
 def _empty_zones(name: str, by_zone: Mapping[str, Distances]) -> Iterator[Caution]:
     empty = [zone for zone, distances in by_zone.items() if not len(distances)]
     if empty:
+        where = "in any zone" if ALL in empty else f"in these zones: {', '.join(empty)}"
         message = (
-            f"The {name} has no points in these zones: {', '.join(empty)}. Nothing is measured "
-            "from them, and 0 % is within any threshold."
+            f"The {name} has no points {where}. Nothing is measured from there, and 0 % is within "
+            "any threshold."
         )
         yield Caution("zone_empty", message)
 

@@ -175,7 +175,7 @@ def repicked(picks: Picks, others: Sequence[Picks]) -> tuple[Picks, dict[Frame, 
             found[frame] = repeats
     if not found:
         message = (
-            f"The {len(others)} files of repeated picks hold the coordinates of the first one: "
+            f"Repeated picks in {len(others)} more file(s) have the very coordinates of the first: "
             "nothing was picked again."
         )
         raise PicksError(message)

@@ -236,7 +236,10 @@ def _first_layer(path: Path) -> tuple[dict[str, Any], NDArray[np.object_] | None
     try:
         meta, _, wkb, _ = pyogrio.raw.read(path, columns=[], force_2d=True)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError) as error:
-        message = f"{path.name} can't be read as polygons: {error}"
+        message = (
+            f"{path.name} can't be read as polygons: it is broken, or in a format that GDAL does "
+            "not know. GeoJSON and GeoPackage would do."
+        )
         raise RegionError(message) from error
     return meta, wkb
 

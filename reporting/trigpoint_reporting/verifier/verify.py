@@ -121,6 +121,11 @@ def _is_number(value: Any) -> bool:
 # --- reading ----------------------------------------------------------------------------------
 
 
+def _reason(error: Exception) -> str:
+    """Say why reading failed, without the path of this machine that the system's message has."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
 def read_json(path: Path) -> Json:
     """Read a JSON object; NaN and infinity are not JSON."""
 
@@ -131,7 +136,7 @@ def read_json(path: Path) -> Json:
     try:
         stored = json.loads(path.read_text("utf-8"), parse_constant=refuse)
     except (OSError, ValueError, RecursionError) as error:
-        message = f"{path.name} can't be read: {error}"
+        message = f"{path.name} can't be read: {_reason(error)}"
         raise UnreadableError(message) from error
     if not isinstance(stored, dict):
         message = f"{path.name} holds no object."
@@ -145,7 +150,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         with path.open(encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        message = f"{path.name} can't be read: {error}"
+        message = f"{path.name} can't be read: {_reason(error)}"
         raise UnreadableError(message) from error
 
 
@@ -160,7 +165,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
         with np.load(path, allow_pickle=False) as stored:
             return {key: np.asarray(stored[key], np.float64).ravel() for key in stored.files}
     except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        message = f"{path.name} can't be read: {error}"
+        message = f"{path.name} can't be read: {_reason(error)}"
         raise UnreadableError(message) from error
 
 
@@ -1426,7 +1431,7 @@ def _read_manifest(path: Path) -> dict[str, str]:
     try:
         lines = path.read_text("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        message = f"{path.name} can't be read: {error}"
+        message = f"{path.name} can't be read: {_reason(error)}"
         raise UnreadableError(message) from error
     hashes = {}
     for line in lines:
