@@ -286,14 +286,14 @@ class Desk(QObject):
             self._host.message("warning", caution.message)
         self._host.add_layer(target, "cloud")
 
-    def _help_with_crs(self, error: Exception | None) -> tuple[Action, ...]:
+    def _help_with_crs(self, error: BaseException | None) -> tuple[Action, ...]:
         return (("Choose a CRS…", self.choose_crs),) if isinstance(error, CrsError) else ()
 
     def _begin(
         self,
         title: str,
         work: Callable[[Tick], Any],
-        ways_out: Callable[[Exception | None], tuple[Action, ...]] = lambda _: (),
+        ways_out: Callable[[BaseException | None], tuple[Action, ...]] = lambda _: (),
     ) -> Job:
         job = Job(title, work)
         job.failed.connect(

@@ -11,6 +11,9 @@ from qtpy.QtCore import QObject, QRunnable, QThreadPool, Signal
 
 from trigpoint.errors import TrigpointError
 
+# Seconds that cancelled work gets to hear of it before its thread goes on without it.
+GRACE = 2.0
+
 
 class CancelledError(Exception):
     """Raised inside a job's work when its user has cancelled it."""
@@ -38,7 +41,7 @@ class Job(QObject):
     ----------
     title : str
         What is being done, as in "C2C: 41 %".
-    error : Exception or None
+    error : BaseException or None
         What it failed of.
     progress : Signal(float, str)
         Share done, below zero where nobody knows, and what is being done.
@@ -64,8 +67,9 @@ class Job(QObject):
         super().__init__()
         self.title = title
         self.settled = False  # the thread has said its last word
-        self.error: Exception | None = None  # what it failed of
+        self.error: BaseException | None = None  # what it failed of
         self._work: Work | None = work
+        self._worker: threading.Thread | None = None
         self._asked_to_stop = False
         self._over = False
         self._told.connect(self._tell)
@@ -77,6 +81,11 @@ class Job(QObject):
     def running(self) -> bool:
         """Whether its outcome is still awaited."""
         return not self._over
+
+    @property
+    def working(self) -> bool:
+        """Whether a thread is busy with it, awaited or not."""
+        return self._worker is not None and self._worker.is_alive()
 
     def cancel(self) -> None:
         """Give up on it; to be called in the GUI thread."""
@@ -96,17 +105,25 @@ class Job(QObject):
         self._told.emit(-1.0 if fraction is None else float(fraction), text)
 
     def run(self) -> None:
-        """Do the work, in whatever thread this is called, and return when it is done."""
+        """Do the work, in whatever thread this is called, and return when it is done.
+
+        Work that was cancelled and hears nothing of it is left to itself after a while: the thread
+        is needed for the next job.
+        """
         # Not in this thread itself: Python forgets a thread of Qt's as soon as it leaves Python,
         # and with it pyproj's context, which the thread's next job would then find freed.
-        worker = threading.Thread(target=self._do, name=self.title, daemon=True)
-        worker.start()
-        worker.join()
+        self._worker = threading.Thread(target=self._do, name=self.title, daemon=True)
+        self._worker.start()
+        while self._worker.is_alive() and not self._asked_to_stop:
+            self._worker.join(0.1)
+        self._worker.join(GRACE)
 
     def _do(self) -> None:
         work, self._work = self._work, None  # what it holds goes with it
         assert work is not None
         try:
+            if self._asked_to_stop:
+                raise CancelledError
             found = work(self.tick)
         except CancelledError:
             self._stopped.emit()
@@ -116,7 +133,7 @@ class Job(QObject):
         except MemoryError as error:
             self.error = error
             self._raised.emit(f"{self.title}: there is not enough memory.", traceback.format_exc())
-        except Exception as error:
+        except BaseException as error:  # SystemExit too, or its thread would end without a word
             self.error = error
             message = f"Something went wrong while doing this: {self.title} ({told(error)})."
             self._raised.emit(message, traceback.format_exc())
@@ -173,7 +190,8 @@ class Pool:
         """Cancel what runs, wait for the threads to end, and tell whether they have."""
         for job in self._jobs:
             job.cancel()
-        return bool(self._pool.waitForDone(milliseconds))
+        ended = self._pool.waitForDone(milliseconds)
+        return bool(ended) and not any(job.working for job in self._jobs)
 
 
 class _Runnable(QRunnable):

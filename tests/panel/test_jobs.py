@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 
 from trigpoint.errors import PicksError
+from trigpoint_panel import jobs
 from trigpoint_panel.foot import Foot
 from trigpoint_panel.jobs import Job, Pool
 
@@ -74,6 +75,52 @@ def test_an_unforeseen_failure_says_what_was_being_done_and_keeps_its_trace(qtbo
     assert "ZeroDivisionError" in details
 
 
+@pytest.mark.parametrize("kind", [SystemExit, KeyboardInterrupt, GeneratorExit])
+def test_work_that_leaves_its_thread_has_failed_and_keeps_nothing_busy(qtbot, pool, kind):
+    def work(_tick):
+        raise kind(3)
+
+    foot = Foot(pool.run)
+    qtbot.addWidget(foot)
+    job = foot.begin(Job("Sums", work))
+    heard = outcome(job)
+    qtbot.waitUntil(lambda: "ended" in names(heard), timeout=5000)
+    assert heard[0][1][0] == "Something went wrong while doing this: Sums (3)."
+    assert job.settled
+    assert foot.running is None
+    assert foot.stop.isHidden()
+
+
+def test_jobs_that_are_stuck_make_room_for_the_next_once_they_are_cancelled(
+    qtbot, pool, monkeypatch
+):
+    monkeypatch.setattr(jobs, "GRACE", 0.1)
+    go_on, foot = threading.Event(), Foot(pool.run)
+    qtbot.addWidget(foot)
+    stuck = []
+    for _ in range(3):  # more than the pool has threads
+        stuck.append(foot.begin(Job("Stuck", lambda _: go_on.wait(20))))
+        qtbot.waitUntil(lambda: stuck[-1].working, timeout=5000)
+        assert foot.cancel()
+        assert foot.running is None
+    job = foot.begin(Job("Sums", lambda _: 7))
+    heard = outcome(job)
+    qtbot.waitUntil(lambda: "ended" in names(heard), timeout=5000)
+    assert heard[0][1] == (7,)
+    assert not pool.wait(1000)  # three are still at it
+    go_on.set()
+    qtbot.waitUntil(lambda: all(each.settled for each in stuck), timeout=5000)
+
+
+def test_a_job_cancelled_before_its_turn_does_nothing(qtbot):
+    done = []
+    job = Job("Sums", done.append)
+    job.cancel()
+    job.run()
+    qtbot.waitUntil(lambda: job.settled, timeout=2000)
+    assert done == []
+
+
 def test_a_missing_file_is_named(qtbot, pool, tmp_path):
     job = Job("Sums", lambda _: (tmp_path / "gone").read_text())
     heard = outcome(job)
@@ -138,8 +185,8 @@ def test_jobs_wait_for_each_other_and_one_cancel_ends_them_all(qtbot, pool):
             tick(0.4, name)
             time.sleep(0.01)
 
-    jobs = [foot.begin(Job(name, lambda tick, name=name: work(tick, name))) for name in "ab"]
-    heard = [outcome(job) for job in jobs]
+    both = [foot.begin(Job(name, lambda tick, name=name: work(tick, name))) for name in "ab"]
+    heard = [outcome(job) for job in both]
     qtbot.waitUntil(lambda: foot.running is not None and foot.running.share == 0.4, timeout=5000)
     assert foot.running.what == "a"
     assert not foot.bar.isHidden()
