@@ -13,6 +13,7 @@ from qtpy.QtCore import QObject
 
 from trigpoint.errors import CrsError, TrigpointError
 from trigpoint.files import carry
+from trigpoint_panel.advice import advised
 from trigpoint_panel.camera import Camera, kept_camera
 from trigpoint_panel.foot import Foot
 from trigpoint_panel.host import Action, Host
@@ -267,7 +268,11 @@ class Desk(QObject):
         if camera is not None:
             self._views.view(side).set_camera(camera)
         for caution in opened.info.cautions:
-            self._host.message("warning", caution.message)
+            of_crs = caution.code.startswith("crs_")
+            if of_crs and side == "source":
+                continue  # the fit carries it from whatever frame it is in
+            text = f"{opened.path.name}: {advised(caution.code, caution.message)}"
+            self._host.message("warning", text, "", self._ways_to_a_crs() if of_crs else ())
 
     def _take(self, opened: Any, path: Path) -> None:
         for doubt in self._session.take(opened, path):
@@ -287,7 +292,10 @@ class Desk(QObject):
         self._host.add_layer(target, "cloud")
 
     def _help_with_crs(self, error: BaseException | None) -> tuple[Action, ...]:
-        return (("Choose a CRS…", self.choose_crs),) if isinstance(error, CrsError) else ()
+        return self._ways_to_a_crs() if isinstance(error, CrsError) else ()
+
+    def _ways_to_a_crs(self) -> tuple[Action, ...]:
+        return (("Choose a CRS…", self.choose_crs),)
 
     def _begin(
         self,

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from qtpy.QtCore import QObject, QRunnable, QThreadPool, Signal
 
 from trigpoint.errors import TrigpointError
+from trigpoint_panel.advice import advised
 
 # Seconds that cancelled work gets to hear of it before its thread goes on without it.
 GRACE = 2.0
@@ -208,4 +209,7 @@ def told(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror:
         where = f": {error.filename}" if error.filename else ""
         return f"{error.strerror}{where}"
-    return " ".join(str(error).split()) or type(error).__name__
+    said = " ".join(str(error).split())
+    if isinstance(error, TrigpointError):
+        said = advised(error.code, said)
+    return said or type(error).__name__

@@ -15,12 +15,12 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QToolButton
 
 from trigpoint.cloud import cloud_from
-from trigpoint.errors import CloudError
+from trigpoint.errors import CloudError, CrsError, RegionError
 from trigpoint.files import write
 from trigpoint.similarity import Similarity
 from trigpoint_panel import stateline
 from trigpoint_panel.actions import COMMANDS, keys_told
-from trigpoint_panel.jobs import Job, Pool
+from trigpoint_panel.jobs import Job, Pool, told
 from trigpoint_panel.panel import Panel
 from trigpoint_panel.style import DARK, LIGHT, apply_theme
 
@@ -215,6 +215,33 @@ def test_a_pick_far_from_its_ghost_is_doubted_and_can_be_taken_back(panel, host)
     assert text == "P6 in the target: 2.3 m from where 5 pairs put it. Keep?"
     actions["Undo"]()
     assert panel.model.pairs[-1].is_half_open
+
+
+def test_a_doubt_about_a_crs_says_what_to_do_in_the_panel(panel, host, clouds, qtbot):
+    stray = clouds / "stray.laz"
+    xyz = np.random.default_rng(0).uniform([9e6, 2e7, 0], [9e6 + 1, 2e7 + 1, 1], (100, 3))
+    write(stray, cloud_from(xyz, crs=pyproj.CRS("EPSG:32615")))
+    panel.open_cloud("source", stray)
+    qtbot.waitUntil(lambda: panel.views.opened["source"] is not None, timeout=10_000)
+    assert host.said == []  # the fit carries it from wherever it is
+    panel.open_cloud("target", stray)
+    qtbot.waitUntil(lambda: bool(host.said), timeout=10_000)
+    level, text, _, actions = host.said[-1]
+    assert level == "warning"
+    assert text.startswith("stray.laz: the header says WGS 84 / UTM zone 15N, but")
+    assert text.endswith("name the right CRS in the menu, under CRS of the reference.")
+    assert COMMANDS["choose_crs"].text.rstrip("…") in text
+    host.answers.append("EPSG:32615")
+    actions["Choose a CRS…"]()
+    assert panel.model.state.crs == "EPSG:32615"
+
+
+def test_no_error_told_in_the_panel_names_an_option_of_the_command_line():
+    for error in (
+        RegionError("area.geojson is in degrees: assign one with --crs."),
+        CrsError("Name the right CRS with --crs."),
+    ):
+        assert told(error).endswith("in the menu, under CRS of the reference.")
 
 
 def test_a_cloud_without_crs_can_be_given_one(panel, host, clouds, qtbot):
