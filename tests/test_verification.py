@@ -211,6 +211,29 @@ def test_trap_one_pick_moved(bundle):
     assert "reconstructions.nerf.reliability.sigma0_m" in names
 
 
+def test_trap_picks_repeated_closer_than_they_were(bundle):
+    path = bundle / "data" / "repeats-nerf.csv"
+    rows = path.read_text("utf-8").splitlines()
+    first = next(row for row in rows if row.startswith("target,1,"))
+    place = first.split(",", 3)[2]
+    again = next(row for row in rows if row.startswith(f"target,2,{place},"))
+    edit(path, again, first.replace("target,1,", "target,2,"))
+    rehash(bundle)
+    found = differing(bundle)
+    assert "reconstructions.nerf.reliability.repeats[target].sigma" in found
+    assert "reconstructions.nerf.reliability.repeats[target].bias_p_value" in found
+
+
+def test_trap_another_first_session_than_the_picks_that_were_fitted(bundle):
+    path = bundle / "data" / "repeats-nerf.csv"
+    row = path.read_text("utf-8").splitlines()[1]
+    edit(path, row, row[:-1] + ("1" if row[-1] != "1" else "2"))
+    rehash(bundle)
+    frame = row.split(",")[0]
+    where = f"reconstructions.nerf.reliability.repeats[{frame}]"
+    assert f"{where}: the first session is what was fitted" in differing(bundle)
+
+
 def test_trap_swapped_matrix_rows(bundle):
     path = bundle / "transform" / "nerf_matrix.txt"
     rows = path.read_text("utf-8").splitlines()

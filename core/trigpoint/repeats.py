@@ -26,6 +26,8 @@ class Repeats:
 
     Attributes
     ----------
+    points : ndarray of shape (sessions, n, 3)
+        What was picked; NaN where a session left a place out.
     sigma, sigma_low, sigma_high : float
         Standard deviation of one pick along each axis, with its 95 % interval.
     sigma_axes : ndarray of shape (3,)
@@ -43,6 +45,7 @@ class Repeats:
         two operators may, and `sigma` holds that too.
     """
 
+    points: NDArray[np.float64]
     sigma: float
     sigma_low: float
     sigma_high: float
@@ -118,6 +121,7 @@ def picking_sigma(sessions: Sequence[Points]) -> Repeats:
     table.insert(0, "session", np.arange(len(arrays)))
     table.insert(1, "n", shared)
     return Repeats(
+        points,
         sigma,
         float(sigma * low),
         float(sigma * high),

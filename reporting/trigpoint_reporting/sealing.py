@@ -61,6 +61,7 @@ def write_record(folder: Path, audit: Audit, results: Mapping[str, Any]) -> None
     (folder / "verify" / "verify.py").write_bytes(verifier_source())
     for judged in audit.judged:
         _correspondences(folder / "data", judged)
+        _repeats(folder / "data", judged)
     write_rounding(folder / "data" / "rounding.json")
     write_changes(folder / "data" / "changes.json", results, folder.parent)
     write_manifest(folder / RECORD, hash_files(folder))
@@ -144,6 +145,23 @@ def _correspondences(folder: Path, judged: Judged) -> None:
         "weight": [repr(weights[name]) if name in weights else "" for name in picks.ids],
     }
     write_text(folder / f"correspondences-{judged.given.name}.csv", format_columns(columns))
+
+
+def _repeats(folder: Path, judged: Judged) -> None:
+    """Write the places that were picked again, in each session; the first holds those fitted to."""
+    if judged.alignment is None or not judged.repeats:
+        return
+    picks = judged.alignment.picks
+    ids = picks.take(picks.roles != "off").ids
+    rows = [
+        (frame, str(session), ids[place], *_exact(points[place]))
+        for frame, found in judged.repeats.items()
+        for session, points in enumerate(found.points, 1)
+        for place in np.flatnonzero(np.isfinite(points).all(axis=1))
+    ]
+    columns = zip(("frame", "session", "id", "x", "y", "z"), zip(*rows, strict=True), strict=True)
+    text = format_columns({name: list(values) for name, values in columns})
+    write_text(folder / f"repeats-{judged.given.name}.csv", text)
 
 
 def _exact(values: NDArray[np.float64]) -> list[str]:

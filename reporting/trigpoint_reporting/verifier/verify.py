@@ -274,6 +274,11 @@ def solve(falling: Callable[[float], float], wanted: float) -> float:
     return (low + high) / 2
 
 
+def chi2_quantile(dof: float, tail: float) -> float:
+    """Return what a chi-square variable exceeds with this probability."""
+    return solve(lambda x: chi2_sf(x, dof), tail)
+
+
 def t_quantile(dof: float) -> float:
     """Return how many sigmas a two-sided 95 % interval of Student's t spans."""
     return math.sqrt(solve(lambda x: f_sf(x, 1, dof), 0.05))
@@ -476,6 +481,20 @@ def read_evidence(path: Path) -> Evidence:
     return evidence
 
 
+def read_repeats(path: Path) -> dict[str, dict[int, dict[str, Array]]]:
+    """Read ``repeats-<name>.csv``: places by frame, session and id; none where there is no file."""
+    found: dict[str, dict[int, dict[str, Array]]] = {}
+    try:
+        for row in read_csv(path) if path.is_file() else []:
+            place = np.array([float(row[axis]) for axis in "xyz"])
+            session = found.setdefault(row["frame"], {}).setdefault(int(row["session"]), {})
+            session[row["id"]] = place
+    except (KeyError, ValueError, TypeError) as error:
+        message = f"{path.name} holds no repeated picks: {error}"
+        raise UnreadableError(message) from error
+    return found
+
+
 def check_alignment(
     report: Report, place: str, stored: Json, evidence: Evidence, settings: Json
 ) -> None:
@@ -547,6 +566,74 @@ def check_alignment(
     check_reliability(report, f"{place}.reliability", stored, used, fit, adjusted, step, given)
     others = evidence.take([k for k, role in enumerate(evidence.roles) if role == "check"])
     check_checks(report, f"{place}.checks", stored["checks"], others, fit, step, accuracy)
+
+
+def check_repeats(
+    report: Report,
+    at: str,
+    stored: list[Json],
+    evidence: Evidence,
+    again: dict[str, dict[int, dict[str, Array]]],
+) -> None:
+    """Recompute the picking sigma from how far picks of one place lie apart."""
+    report.equal(f"{at} (frames)", [row["frame"] for row in stored], list(again))
+    for row in stored:
+        frame, here = row["frame"], f"{at}[{row['frame']}]"
+        sessions = list(again.get(frame, {}).values())
+        if not sessions:
+            continue
+        fitted = evidence.source if frame == "source" else evidence.target
+        used = {
+            name: place
+            for name, role, place in zip(evidence.ids, evidence.roles, fitted, strict=True)
+            if role != "off"
+        }
+        same = sessions[0].keys() == used.keys() and all(
+            (place == used[name]).all() for name, place in sessions[0].items()
+        )
+        report.holds(f"{here}: the first session is what was fitted", same)
+        places = {
+            name: np.array([session[name] for session in sessions if name in session])
+            for name in used
+        }
+        twice = [points for points in places.values() if len(points) > 1]
+        report.equal(f"{here}.sessions", row["sessions"], len(sessions))
+        report.equal(f"{here}.places", row["places"], len(twice))
+        dof = 3 * sum(len(points) - 1 for points in twice)
+        report.equal(f"{here}.dof", row["dof"], dof)
+        if not dof:
+            continue
+        step = LENGTH_STEP + 8 * float(np.spacing(np.abs(fitted).max()))
+        sigma = math.sqrt(math.fsum(map(_scatter, twice)) / dof)
+        report.close(f"{here}.sigma", row["sigma"], sigma, step)
+        for key, tail in (("sigma_low", 0.025), ("sigma_high", 0.975)):
+            factor = math.sqrt(dof / chi2_quantile(dof, tail))
+            report.close(f"{here}.{key}", row[key], sigma * factor, step * factor)
+        own = evidence.sigma_source if frame == "source" else evidence.sigma_target
+        report.close(f"{here}: the sigma of every pick", own.tolist(), [sigma] * len(own), step)
+        whole = [points for points in twice if len(points) == len(sessions)]
+        report.close(f"{here}.bias_p_value", row["bias_p_value"], _by_chance(whole), 1e-6)
+
+
+def _scatter(points: Array) -> float:
+    """Return the squares about the mean: those of all differences, over the number of points."""
+    return float(((points[:, None] - points) ** 2).sum()) / 2 / len(points)
+
+
+def _by_chance(places: list[Array]) -> float:
+    """Return the probability of sessions this far apart by chance: analysis of variance."""
+    count = len(places)
+    if count < 2:
+        return math.nan
+    sessions = len(places[0])
+    moved = np.array([points - points[0] for points in places])
+    between = count * _scatter(moved.mean(axis=0))
+    if between <= 0:
+        return 1.0
+    least = float(np.finfo(float).eps) * between
+    within = max(math.fsum(map(_scatter, places)) - between, least)
+    top, bottom = 3 * (sessions - 1), 3 * (sessions - 1) * (count - 1)
+    return f_sf(between / top / (within / bottom), top, bottom)
 
 
 def length_tolerance(evidence: Evidence, fit: Fit) -> float:
@@ -678,7 +765,7 @@ def check_reliability(
     unit = 1 / float((1 / shape).mean())
     left = misfit(adjusted, shape / unit)
     sigma0 = math.sqrt(left / dof)
-    low, high = (math.sqrt(dof / solve(lambda x: chi2_sf(x, dof), tail)) for tail in (0.025, 0.975))
+    low, high = (math.sqrt(dof / chi2_quantile(dof, tail)) for tail in (0.025, 0.975))
     report.close(f"{at}.sigma0_m", worth["sigma0_m"], sigma0, 2 * step)
     report.close(f"{at}.centroid_m", worth["centroid_m"], adjusted.centroid.tolist(), step)
     report.close(f"{at}.sigma0_low_m", worth["sigma0_low_m"], sigma0 * low, 2 * step * low)
@@ -1485,6 +1572,9 @@ def _check_reconstruction(
         if found["alignment"] is not None:
             evidence = read_evidence(folder / "data" / f"correspondences-{name}.csv")
             check_alignment(report, place, found, evidence, settings)
+            again = read_repeats(folder / "data" / f"repeats-{name}.csv")
+            repeats = found["reliability"]["repeats"]
+            check_repeats(report, f"{place}.reliability.repeats", repeats, evidence, again)
 
     def comparison() -> None:
         arrays = read_arrays(folder / "data" / f"distances-{name}.npz")
