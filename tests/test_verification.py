@@ -171,6 +171,20 @@ def test_trap_one_digit_in_the_html(bundle):
     assert "report.html prints output 2 of audit.ipynb as it is" in names
 
 
+def test_a_difference_that_shows_in_many_places_is_told_once(bundle):
+    def change(results):
+        results["reconstructions"]["nerf"]["alignment"]["rmse_m"] += 0.01
+
+    edit_results(bundle, change)
+    found = verify(bundle)
+    lines = [line for line in found.text().splitlines() if line.startswith("DIFFERS")]
+    assert len(lines) == len(set(lines)) <= len(found.report.differences)
+    assert any(
+        line.startswith("DIFFERS  reconstructions.nerf.alignment.rmse_m: stored 0.")
+        for line in lines
+    )
+
+
 def test_trap_one_digit_in_the_notebook(bundle):
     at = "reconstructions.nerf.loocv.rmse_m"
     edit(bundle / "audit.ipynb", f'{at}\\">0.0', f'{at}\\">0.1')

@@ -25,6 +25,7 @@ import sys
 import tomllib
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -1246,7 +1247,9 @@ def check_tables(report: Report, folder: Path, name: str, found: Json) -> None:
     if found["alignment"] is not None:
         stored = read_json(folder / "transform" / f"{name}.json")
         stored.pop("crs", None)
-        report.equal(f"transform/{name}.json", stored, found["alignment"])
+        report.equal(f"transform/{name}.json (keys)", sorted(stored), sorted(found["alignment"]))
+        for key, value in found["alignment"].items():
+            report.equal(f"transform/{name}.json: {key}", stored.get(key), value)
         text = (folder / "transform" / f"{name}_matrix.txt").read_text("utf-8")
         try:
             rows_of = [[float(cell) for cell in line.split()] for line in text.splitlines()]
@@ -1612,7 +1615,7 @@ def summary(report: Report, *, table: bool = False) -> str:
         lines.append("quantity | stored | recomputed | tolerance | ok")
         lines += [_line(row) for row in report.rows]
     differences = report.differences
-    lines += [f"DIFFERS  {_line(row)}" for row in differences]
+    lines += _told(differences)
     lines += [f"note: {note}" for note in report.notes]
     lines.append("hashed, not recomputed:")
     lines += [f"  {what}: {why}" for what, why in NOT_RECOMPUTED.items()]
@@ -1620,6 +1623,16 @@ def summary(report: Report, *, table: bool = False) -> str:
     held = len(report.rows) - len(differences)
     lines.append(f"{held} of {len(report.rows)} checks hold; {len(differences)} differ.")
     return "\n".join(lines) + "\n"
+
+
+def _told(differences: list[Row]) -> Iterator[str]:
+    """Name each difference once, however often a number is printed."""
+    times = Counter(
+        (row.quantity, _shown(row.stored), _shown(row.recomputed)) for row in differences
+    )
+    for (quantity, stored, recomputed), count in times.items():
+        said = f": stored {stored}, recomputed {recomputed}" if stored or recomputed else ""
+        yield f"DIFFERS  {quantity}{said}{f' ({count} times)' if count > 1 else ''}"
 
 
 def _line(row: Row) -> str:
