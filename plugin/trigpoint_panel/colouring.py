@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cloud import PointCloud
-from trigpoint_reporting.elevations import BAND_M, LIMIT_M, colour_table, distance_colours
+from trigpoint_reporting.elevations import (
+    BANDS,
+    LIMIT_M,
+    band_edges,
+    colour_table,
+    distance_colours,
+)
 from trigpoint_reporting.photo import photo_colours
 from trigpoint_reporting.style import BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILLION
 
@@ -89,6 +95,7 @@ def coloured(
     *,
     up: NDArray[np.float64],
     distances: NDArray[np.float64] | None = None,
+    limit: float = LIMIT_M,
     unit: str = "m",
 ) -> tuple[Colours, Legend | None]:
     """Colour a cloud.
@@ -104,6 +111,8 @@ def coloured(
         Heights count along it.
     distances : ndarray of shape (n,), optional
         Metres; by default the cloud's own ``distance_m``.
+    limit : float
+        Up to where distances are told apart, metres.
     unit : str
         Of the heights.
 
@@ -120,7 +129,8 @@ def coloured(
     if mode == "distance":
         given = cloud.attributes.get("distance_m") if distances is None else distances
         metres = np.asarray(given, np.float64)
-        return distance_colours(metres), distance_legend(has_gaps=bool(np.isnan(metres).any()))
+        has_gaps = bool(np.isnan(metres).any())
+        return distance_colours(metres, limit=limit), distance_legend(limit, has_gaps=has_gaps)
     if mode == "intensity":
         values = cloud.attributes["intensity"].astype(np.float32)
         # The ends of grey would vanish on a light or a dark background.
@@ -160,20 +170,21 @@ def _classes(values: NDArray[np.generic]) -> tuple[Colours, Legend]:
     return table[codes], Legend("Class", swatches=swatches)
 
 
-def distance_legend(*, has_gaps: bool = False) -> Legend:
+def distance_legend(limit: float, *, has_gaps: bool = False) -> Legend:
     """Say how to read distances, the same in every view and in the report.
 
     Parameters
     ----------
+    limit : float
+        Up to where they are told apart, metres.
     has_gaps : bool
         Whether some points have none (NaN).
     """
-    table = [_hex(colour) for colour in colour_table()]
-    count = round(LIMIT_M / BAND_M)
-    swatches = [(table[count], f"beyond {LIMIT_M:.2f} m")]
+    table, end = [_hex(colour) for colour in colour_table()], f"{band_edges(limit)[-1]} m"
+    swatches = [(table[BANDS], f"beyond {end}")]
     if has_gaps:
-        swatches.append((table[count + 1], "none measured"))
-    return Legend("Distance", tuple(table[:count]), "0 m", f"{LIMIT_M:.2f} m", tuple(swatches))
+        swatches.append((table[BANDS + 1], "none measured"))
+    return Legend("Distance", tuple(table[:BANDS]), "0 m", end, tuple(swatches))
 
 
 def _hex(colour: NDArray[np.uint8]) -> str:

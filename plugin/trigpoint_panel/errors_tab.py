@@ -27,7 +27,7 @@ from trigpoint_panel.forms import Tab, listed, numbers, quietly, say, show_text
 from trigpoint_panel.measuring import Findings
 from trigpoint_panel.model import Model
 from trigpoint_panel.style import look_of
-from trigpoint_reporting.elevations import LIMIT_M, colour_table
+from trigpoint_reporting.elevations import BANDS, LIMIT_M, band_edges, colour_table
 
 ALL = "all"
 HEADS = ("Zone", "n", "Mean", "RMSE", "P95", "≤ t")
@@ -134,6 +134,7 @@ class ErrorsTab(Tab):
                 for metres in sorted(set(findings.comparison.within["threshold_m"])):
                     self.threshold.addItem(f"{metres:g} m", float(metres))
                 self.threshold.setCurrentIndex(self.threshold.count() // 2)
+                self.legend.set_limit(findings.limit_m)
         self.refresh(can_run=self.compare.isEnabled())
 
     @property
@@ -229,6 +230,13 @@ class LegendBar(QWidget):
         self.setAccessibleName("Legend of distances")
         self.setToolTip("The same colours in both views and in the report.")
         self._colours = [QColor(*rgb) for rgb in colour_table().tolist()]
+        self.set_limit(LIMIT_M)
+
+    def set_limit(self, limit: float) -> None:
+        """Say up to where distances are told apart, in metres."""
+        edges = band_edges(limit)
+        self.ends = ("0 m", edges[BANDS // 2], f"{edges[BANDS]} m")
+        self.update()
 
     def sizeHint(self) -> QSize:
         """Return the room it wants."""
@@ -248,11 +256,13 @@ class LegendBar(QWidget):
             left, right = (1 + width * i / len(bands) for i in (k, k + 1))
             painter.fillRect(QRectF(left, 2, right - left + 0.5, 12), colour)
         row = QRectF(1, 16, width, line)
-        painter.drawText(row, Qt.AlignmentFlag.AlignLeft, "0 m")
-        painter.drawText(row, Qt.AlignmentFlag.AlignHCenter, f"{LIMIT_M / 2:.2f}")
-        painter.drawText(row, Qt.AlignmentFlag.AlignRight, f"{LIMIT_M:.2f} m")
+        sides = Qt.AlignmentFlag
+        for side, end in zip(
+            (sides.AlignLeft, sides.AlignHCenter, sides.AlignRight), self.ends, strict=True
+        ):
+            painter.drawText(row, side, end)
         left = 1.0
-        for colour, name in ((beyond, f"beyond {LIMIT_M:.2f} m"), (nothing, "no data")):
+        for colour, name in ((beyond, f"beyond {self.ends[-1]}"), (nothing, "no data")):
             swatch = QRectF(left, 20 + line, 11, 11)
             painter.fillRect(swatch, colour)
             painter.drawRect(swatch)

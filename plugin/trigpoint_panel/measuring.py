@@ -21,6 +21,7 @@ from trigpoint.trial import Trial
 from trigpoint_panel.jobs import Tick
 from trigpoint_panel.projects import reference_crs
 from trigpoint_panel.state import State
+from trigpoint_reporting.elevations import limit_within
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +43,11 @@ class Findings:
     target_m: NDArray[np.float64]
     source_zone: NDArray[np.intp]
     target_zone: NDArray[np.intp]
+
+    @property
+    def limit_m(self) -> float:
+        """Up to where distances are told apart: as in a report of the same thresholds."""
+        return limit_within(self.comparison.within["threshold_m"].tolist())
 
 
 class Bench:

@@ -16,6 +16,7 @@ from trigpoint_panel.camera import CORNER, STANDS, Camera, Face, Position, camer
 from trigpoint_panel.colouring import ColourMode, Colours, Legend, coloured, modes_of
 from trigpoint_panel.layer import Layer
 from trigpoint_panel.marks import Marker, Marks
+from trigpoint_reporting.elevations import LIMIT_M
 
 # Points drawn while the view moves: ten frames a second without a graphics card.
 COARSE = 80_000
@@ -63,6 +64,7 @@ class Scene:
         self._rows: NDArray[np.intp] | None = None
         self._colours: Colours = np.empty((0, 3), np.uint8)
         self._distances: NDArray[np.float64] | None = None
+        self._limit = LIMIT_M
         self._layer: Layer | None = None
         self._overlay: tuple[PointCloud, Layer, NDArray[np.float64]] | None = None
         self._similarity: Similarity | None = None
@@ -169,9 +171,14 @@ class Scene:
             if self._layer is not None:
                 self._layer.recolour(self._shown(self._colours))
 
-    def set_distances(self, distances: NDArray[np.float64] | None) -> None:
-        """Colour by a distance in metres for each point, shape (n,); None takes it away."""
-        self._distances = distances
+    def set_distances(
+        self, distances: NDArray[np.float64] | None, *, limit: float = LIMIT_M
+    ) -> None:
+        """Colour by a distance in metres for each point, shape (n,); None takes it away.
+
+        Distances are told apart up to `limit`.
+        """
+        self._distances, self._limit = distances, limit
         if self.cloud is not None:
             mode = "distance" if distances is not None else self.mode
             self.colour_by(mode if mode in self.modes else self.modes[0])
@@ -204,7 +211,12 @@ class Scene:
         assert self.cloud is not None
         up = np.asarray(self._up, np.float64)
         self._colours, self.legend = coloured(
-            self.cloud, mode, up=up, distances=self._distances, unit=self._unit
+            self.cloud,
+            mode,
+            up=up,
+            distances=self._distances,
+            limit=self._limit,
+            unit=self._unit,
         )
         self.mode = mode
 

@@ -22,6 +22,7 @@ from trigpoint_panel.marks import Marker
 from trigpoint_panel.opening import Opened
 from trigpoint_panel.scene import Scene
 from trigpoint_panel.snapping import Mode, SnapError, snap
+from trigpoint_reporting.elevations import LIMIT_M
 
 Side = Literal["source", "target"]
 TITLES: dict[Side, str] = {"source": "Source", "target": "Target"}
@@ -177,9 +178,11 @@ class CloudView(QtWidgets.QWidget):
         """Say in an empty view what to do, such as "Open a source cloud (Ctrl+O)"."""
         self._prompt.setText(text)
 
-    def set_distances(self, distances: NDArray[np.float64] | None) -> None:
+    def set_distances(
+        self, distances: NDArray[np.float64] | None, *, limit: float = LIMIT_M
+    ) -> None:
         """Give each shown point its distance in metres, shape (n,), and colour by it."""
-        self.scene.set_distances(distances)
+        self.scene.set_distances(distances, limit=limit)
         self._describe()
         self.refresh()
 

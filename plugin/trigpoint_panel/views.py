@@ -134,8 +134,12 @@ class TwoViews(QSplitter):
 
     def set_findings(self, findings: Findings | None) -> None:
         """Colour both clouds by their distance to the other; None: no longer."""
-        self.source.set_distances(None if findings is None else findings.source_m)
-        self.target.set_distances(None if findings is None else findings.target_m)
+        if findings is None:
+            self.source.set_distances(None)
+            self.target.set_distances(None)
+        else:
+            self.source.set_distances(findings.source_m, limit=findings.limit_m)
+            self.target.set_distances(findings.target_m, limit=findings.limit_m)
 
     def isolate(self, findings: Findings, zone: str | None) -> None:
         """Show one zone alone in both views; None shows all."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,17 @@ HALF, THIRD = 1150, 800
 
 def limit_of(evidence: Evidence) -> float:
     """Return the distance beyond which every figure of a report tells none apart, in metres."""
-    within = evidence.results["project"]["settings"]["comparison"]["within_m"]
+    return limit_within(evidence.results["project"]["settings"]["comparison"]["within_m"])
+
+
+def limit_within(within: Collection[float]) -> float:
+    """Return the distance up to which distances are told apart, for thresholds in metres.
+
+    Examples
+    --------
+    >>> limit_within((0.01, 0.05))
+    0.125
+    """
     return round(REACH * max(within), 6) if within else LIMIT_M
 
 

@@ -80,6 +80,17 @@ def test_distances_have_the_bands_of_the_report():
     assert [name for _, name in legend.swatches] == ["beyond 0.50 m"]
 
 
+def test_distances_are_told_apart_as_far_as_the_projects_thresholds_ask():
+    from trigpoint_reporting.elevations import distance_colours
+
+    distances = np.linspace(0, 0.2, 1000)
+    colours, legend = colouring.coloured(
+        column(), "distance", up=UP, distances=distances, limit=0.125
+    )
+    assert (colours == distance_colours(distances, limit=0.125)).all()
+    assert [name for _, name in legend.swatches] == [f"beyond {legend.high}"] == ["beyond 0.1250 m"]
+
+
 def test_intensities_keep_clear_of_any_background():
     cloud = column(intensity=np.arange(1000, dtype=np.uint16))
     colours, _ = colouring.coloured(cloud, "intensity", up=UP)
@@ -98,4 +109,4 @@ def test_points_without_a_distance_are_said_to_have_none():
     colours, legend = colouring.coloured(column(), "distance", up=UP, distances=distances)
     assert legend.swatches[-1] == ("#000000", "none measured")
     assert (colours == 0).all()
-    assert colouring.distance_legend().swatches == legend.swatches[:1]
+    assert colouring.distance_legend(0.5).swatches == legend.swatches[:1]

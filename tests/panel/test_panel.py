@@ -23,6 +23,7 @@ from trigpoint_panel.actions import COMMANDS, keys_told
 from trigpoint_panel.jobs import Job, Pool, told
 from trigpoint_panel.panel import Panel
 from trigpoint_panel.style import DARK, LIGHT, apply_theme
+from trigpoint_reporting.elevations import LIMIT_M, distance_colours
 
 TRUTH = Similarity(
     3.26, np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([741_000.0, 4_279_000, 150])
@@ -302,6 +303,22 @@ def test_a_zone_is_isolated_by_choosing_its_row(panel, host, clouds, qtbot):
     panel.model.undo()
     assert "Changed since" in tab.note.text()
     assert [level for level, *_ in host.said if level == "error"] == []
+
+
+def test_distances_are_coloured_as_the_report_of_the_same_project_does(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    panel.model.set_comparison(within_m=(0.01, 0.08))
+    panel.compare()
+    qtbot.waitUntil(lambda: panel.errors_tab.findings is not None, timeout=20_000)
+    found = panel.errors_tab.findings
+    assert found.limit_m == 0.2  # two and a half times the largest threshold
+    assert panel.errors_tab.legend.ends == ("0 m", "0.10", "0.20 m")
+    scene = panel.views.source.scene
+    assert scene.legend.high == "0.20 m"
+    assert (scene._colours == distance_colours(found.source_m, limit=0.2)).all()
+    panel.views.set_findings(None)
+    assert scene._limit == LIMIT_M
 
 
 def test_findings_go_with_the_cloud_that_they_were_of(panel, host, clouds, qtbot):
