@@ -35,6 +35,11 @@ Direction = Literal["accuracy", "completeness"]
 MARK_M = 0.10
 STEPS = 251
 
+# Why a share may lie below its own interval.
+BELOW = (
+    " of the share at the true pose, which the error of the pose has lowered: what was measured "
+    "lies near a bar's lower end, or just below it"
+)
 TOLD = {
     "accuracy": "of the reconstruction's points",
     "completeness": "of the reference's points",
@@ -154,7 +159,7 @@ def _by_zone(evidence: Evidence, direction: Direction) -> Picture | Passage:
     zones = list(rows[names[0]])
     thresholds = [row["threshold_m"] for row in rows[names[0]]["all"]["within"]]
     step = 0.62 / max(1, len(names))
-    intervals = False
+    intervals = below = False
     with canvas(18 + (6 + 3.2 * len(names)) * len(zones)) as figure:
         panels = figure.subplots(1, len(thresholds), sharey=True, squeeze=False)[0]
         for k, (axes, threshold) in enumerate(zip(panels, thresholds, strict=True)):
@@ -167,6 +172,7 @@ def _by_zone(evidence: Evidence, direction: Direction) -> Picture | Passage:
                 low = np.array([_float(each["low_pct"]) for each in found])
                 high = np.array([_float(each["high_pct"]) for each in found])
                 intervals = intervals or bool(np.isfinite(low).any())
+                below = below or bool((share < low).any())
                 axes.hlines(at, low, high, color=line.color, linewidth=3, alpha=0.45)
                 axes.plot(share, at, line.marker, color=line.color, markersize=3.8, clip_on=False)
                 for value, left, right, y in zip(share, low, high, at, strict=True):
@@ -185,7 +191,9 @@ def _by_zone(evidence: Evidence, direction: Direction) -> Picture | Passage:
         content = to_svg(figure)
     caption = (
         f"{direction.capitalize()} by zone: share {TOLD[direction]} within each threshold, as "
-        "delivered." + (" Bars: 95 % intervals." if intervals else "")
+        "delivered."
+        + (" Bars: 95 % intervals" if intervals else "")
+        + (f"{BELOW}." if below else "." if intervals else "")
     )
     alt = _finding(evidence, rows, direction)
     return Picture(f"{direction}-by-zone", caption, alt, content, "svg")
@@ -233,16 +241,19 @@ def _finding(evidence: Evidence, rows: Mapping[str, Any], direction: Direction) 
 
 
 def _beside(axes: Axes, value: float, left: float, right: float, at: float) -> None:
-    """Write a share beside its mark, on the side where the frame leaves room."""
-    after = not right > 78
+    """Write a share beside its mark, on the side where the frame leaves room, or on the bar."""
+    after, before = not right > 78, not left < 14
+    side = -1 if before and not after else 1
+    end = right if after else left if before else value
     axes.annotate(
         f"{value:.1f}" if np.isfinite(value) else "no points",
-        ((right if after else left) if np.isfinite(value) else 0.0, at),
-        (5 if after else -5, 0),
+        (end if np.isfinite(value) else 0.0, at),
+        (5 * side, 0),
         textcoords="offset points",
-        ha="left" if after else "right",
+        ha="left" if side > 0 else "right",
         va="center",
         fontsize=6.5,
+        bbox=None if after or before else {"facecolor": "white", "edgecolor": "none", "pad": 0.8},
     )
 
 

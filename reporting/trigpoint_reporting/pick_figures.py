@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
+from trigpoint.geometry import axis_words, rotation_axes
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import number_text
@@ -200,7 +201,7 @@ def pick_reliability(evidence: Evidence, name: str) -> Drawing:
 
 
 def pose_uncertainty(evidence: Evidence, name: str) -> Drawing:
-    """Draw the sigma of the rotation about each axis, and of a point in each zone."""
+    """Draw the sigma of the rotation about its principal axes, and of a point in each zone."""
     found = evidence.results["reconstructions"][name]
     if found["alignment"] is None:
         return no_picks(name)
@@ -209,23 +210,27 @@ def pose_uncertainty(evidence: Evidence, name: str) -> Drawing:
     known = {zone: sigma for zone, sigma in zones.items() if sigma is not None}
     if None in turns or not known:
         return not_drawn("The similarity's sigma", f"{_count(found)} picks leave none to estimate")
+    rotation = np.array(found["reliability"]["covariance"])[1:4, 1:4]
+    weakest = axis_words(rotation_axes(rotation)[1][0])
     with canvas(44) as figure:
         left, right = figure.subplots(1, 2)
-        _named_bars(left, ["east", "north", "up"], turns, "{:.3f}°")
-        left.set_title("Rotation about each axis")
+        _named_bars(left, ["weakest axis", "next", "strongest"], turns, "{:.3f}°")
+        left.set_title("Rotation about its own axes")
         left.set_xlabel("sigma, degrees")
         _named_bars(right, labels(list(known)), list(known.values()), "{:.3f} m")
         right.set_title("A point carried by the similarity")
         right.set_xlabel("3D sigma, root mean square over the zone, metres")
         content = to_svg(figure)
-    widest = int(np.argmax(turns))
     least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
     alt = (
-        f"The rotation is least certain about the axis pointing {('east', 'north', 'up')[widest]}, "
-        f"sigma {turns[widest]:.3f} degrees. Picking alone moves a point by "
+        f"The rotation is least certain about {weakest}, sigma {turns[0]:.3f} degrees. "
+        f"Picking alone moves a point by "
         f"{metres(known[most])} in the {most} zone and {metres(known[least])} in the {least} zone."
     )
-    caption = f"{name}: what the picks leave uncertain in the similarity (one sigma)."
+    caption = (
+        f"{name}: what the picks leave uncertain in the similarity (one sigma). The rotation is "
+        f"weakest about {weakest}."
+    )
     return Picture(f"pose-uncertainty-{name}", caption, alt, content, "svg")
 
 
@@ -246,6 +251,8 @@ def icp_before_after(evidence: Evidence, name: str) -> Drawing:
     ]
     if not tests:
         return not_drawn("ICP", "nothing overlaps to be measured")
+    if len(tests) == 1:
+        return not_drawn("Errors without and with ICP", "the table has the only one")
     names, before, after = zip(*tests, strict=True)
     with canvas(20 + 9 * len(tests)) as figure:
         axes = figure.subplots()

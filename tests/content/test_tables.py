@@ -282,6 +282,15 @@ def test_the_rule_for_icp_is_printed_before_its_numbers(make_evidence):
     assert "Not retained: the held-out error did not fall." in words
 
 
+def test_what_is_delivered_is_said_before_icp_is_judged(make_evidence):
+    evidence = make_evidence("paper")
+    evidence.results["reconstructions"]["nerf"]["icp"]["retained"] = True
+    words = told(icp(evidence, "nerf"))
+    assert words.index("as the similarity carries it, without ICP") < words.index("Rule, set")
+    assert words.index("0.211") < words.index("Retained as a better pose")
+    assert "is the cloud as it came, without ICP" in told(icp(evidence, "sfm"))
+
+
 def test_icp_without_picks_is_judged_by_nothing(make_evidence):
     evidence = make_evidence("paper")
     words = told(icp(evidence, "sfm"))
@@ -322,6 +331,38 @@ def test_intervals_stand_beside_their_numbers_where_there_are_any(make_evidence)
     assert texts(unknown.rows[0])[3] == "90.7"
     assert "95 % intervals: not available." in to_text(unknown)
     assert "From picking noise alone" in told(completeness(make_evidence("full"), "nerf"))
+
+
+def test_what_lies_outside_its_own_interval_says_why_and_nothing_else_does(make_evidence):
+    evidence = make_evidence("full")
+    why = "the error of the pose has worsened what was measured"
+    delivered = evidence.results["reconstructions"]["nerf"]["comparison"]["delivered"]
+    assert why not in told(accuracy(evidence, "nerf"))
+    assert "has moved" not in told(paired(evidence))
+    delivered["accuracy"]["upper"]["within"][0]["low_pct"] = 99.0
+    evidence.results["paired"]["delivered"][0]["differences"][1]["low_pct"] = 12.3
+    assert why in told(accuracy(evidence, "nerf"))
+    assert why not in told(completeness(evidence, "nerf"))
+    assert "from which an error of a pose has moved the one measured" in told(paired(evidence))
+
+
+def test_warnings_of_one_code_are_one_row(make_evidence):
+    evidence = make_evidence("paper")
+    evidence.results["warnings"] = [
+        {"code": "picks_few", "message": "No pick can be tested."},
+        {"code": "grid_scale", "message": "The map stretches."},
+        {"code": "picks_few", "message": "None can be left out."},
+    ]
+    rows = table(limitations(evidence), "Warnings").rows
+    assert [texts(row) for row in rows] == [
+        ["picks_few", "No pick can be tested. None can be left out."],
+        ["grid_scale", "The map stretches."],
+    ]
+
+
+def test_making_it_again_names_a_command_that_works_from_a_bundle(make_evidence):
+    rows = table(provenance(make_evidence("paper")), "To check it").rows
+    assert texts(rows[-1])[1] == "trigpoint verify tower-r1.zip --again --inputs FOLDER"
 
 
 def test_reconstructions_are_compared_where_they_were(make_evidence):

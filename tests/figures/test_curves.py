@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from trigpoint_reporting import curves
 from trigpoint_reporting.blocks import Picture
 from trigpoint_reporting.curves import (
     _by_own_zone,
@@ -12,6 +13,7 @@ from trigpoint_reporting.curves import (
     completeness_curves,
     share_within,
 )
+from trigpoint_reporting.style import canvas
 
 LIMIT_M = 0.5
 LIMITS = np.linspace(0, LIMIT_M, 11)
@@ -71,6 +73,37 @@ def test_intervals_are_drawn_where_there_are_any(changed):
     assert "95 % intervals" in with_bars.caption
     assert "interval" not in without.caption
     assert with_bars.content != without.content
+
+
+def test_a_share_below_its_own_interval_says_why_and_is_written_within_the_frame(changed):
+    def lowered(results):
+        for found in results["reconstructions"].values():
+            for row in found["comparison"]["delivered"]["accuracy"].values():
+                for each in row["within"]:
+                    each |= {"pct": 5.0, "low_pct": 8.0, "high_pct": 96.0}
+
+    def held(results):
+        lowered(results)
+        for found in results["reconstructions"].values():
+            for row in found["comparison"]["delivered"]["accuracy"].values():
+                for each in row["within"]:
+                    each["low_pct"] = 4.0
+
+    assert "the share at the true pose" in accuracy_by_zone(changed(lowered)).caption
+    assert "true pose" not in accuracy_by_zone(changed(held)).caption
+
+
+@pytest.mark.parametrize(("left", "right", "inside"), [(50, 60, "right"), (50, 96, "left")])
+def test_a_share_is_written_where_the_frame_leaves_room(left, right, inside):
+    with canvas(40) as figure:
+        axes = figure.subplots()
+        curves._beside(axes, 55.0, left, right, 0.0)
+        (text,) = axes.texts
+        assert (text.get_ha() == "left") == (inside == "right")
+        curves._beside(axes, 10.5, 10.0, 96.0, 1.0)  # room on neither side
+        assert axes.texts[1].get_ha() == "left"
+        assert axes.texts[1].xy[0] == 10.5
+        assert axes.texts[1].get_bbox_patch() is not None
 
 
 def test_trap_11_the_voxel_band_is_shown_and_said(evidence, changed):

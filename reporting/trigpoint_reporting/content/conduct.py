@@ -63,7 +63,7 @@ def method(evidence: Evidence) -> list[Block]:
             "Every setting of this audit",
             ("Section", "Setting", "Value"),
             list(_settings(evidence)),
-            ("As a file that runs again: config/project.toml.",),
+            ("As a file that runs again beside the inputs: config/project.toml.",),
         ),
     ]
 

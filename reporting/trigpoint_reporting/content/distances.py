@@ -14,6 +14,11 @@ from trigpoint_reporting.numbers import Numbers, number_text
 
 Direction = Literal["accuracy", "completeness"]
 STATISTICS = ("n", "mean_m", "median_m", "nmad_m", "rmse_m", "p95_m", "max_m", "floor_rmse_m")
+# Of what was measured and lies outside its own interval.
+WORSENED = (
+    " It is of the value at the true pose: the error of the pose has worsened what was measured, "
+    "which lies near the worse end of its interval, or just outside it."
+)
 MEANING = {
     "accuracy": "from each point of the reconstruction to the nearest of the reference",
     "completeness": "from each point of the reference to the nearest of the reconstruction",
@@ -121,8 +126,20 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
             "threshold that is not above the voxel depends on where the lattice starts"
             f"{'; read the unthinned share beside it.' if thinned else '.'}",
             " In brackets: the 95 % interval." if spread else " 95 % intervals: not available.",
+            WORSENED if any(_beside_its_interval(part) for _, part in parts) else "",
         ),
     )
+
+
+def _beside_its_interval(part: Numbers) -> bool:
+    return is_outside(part["rmse_m"], part["rmse_low_m"], part["rmse_high_m"]) or any(
+        is_outside(row["pct"], row["low_pct"], row["high_pct"]) for row in part["within"]
+    )
+
+
+def is_outside(value: float | None, low: float | None, high: float | None) -> bool:
+    """Return whether a value lies outside its interval, where there are both."""
+    return None not in (value, low, high) and not low <= value <= high  # type: ignore[operator]
 
 
 def with_interval(part: Numbers, key: str, low: str, high: str) -> Entry:

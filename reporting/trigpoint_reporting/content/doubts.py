@@ -13,7 +13,10 @@ def limitations(evidence: Evidence) -> list[Block]:
     blocks: list[Block] = [Passage((line,)) for line in paragraphs] or [
         Passage(("No limitations statement was supplied.",), "warning")
     ]
-    warnings = evidence.results["warnings"]
+    # What is said twice under one code, such as of two statistics, is one doubt.
+    warnings: dict[str, list[str]] = {}
+    for each in evidence.results["warnings"]:
+        warnings.setdefault(each["code"], []).append(each["message"])
     if not warnings:
         return [*blocks, Passage(("No warnings were raised.",))]
     return [
@@ -21,7 +24,7 @@ def limitations(evidence: Evidence) -> list[Block]:
         Table(
             "Warnings",
             ("Code", "What was found"),
-            [(each["code"], each["message"]) for each in warnings],
+            [(code, " ".join(messages)) for code, messages in warnings.items()],
             ("Codes are a fixed vocabulary. A warning stops nothing: it says what is in doubt.",),
         ),
     ]

@@ -19,13 +19,23 @@ ERRORS = (
 )
 
 
+# What every other section is about, whichever way the trial of ICP ends.
+DELIVERED = (
+    "Delivered, and described by every number that does not say otherwise, is {what}, without "
+    "ICP. Clouds after ICP serve only to compare reconstructions with their difference of pose "
+    "taken out."
+)
+
+
 def icp(evidence: Evidence, name: str) -> list[Block]:
-    """Return the rule, then the numbers, then what follows."""
+    """Return what is delivered and the rule, then the numbers, then what follows."""
     found = Numbers(evidence.results).below("reconstructions", name)
     if found["icp"] is None:
         return [Passage(("The project asked for no ICP.",), "note")]
     trial, picked = found.below("icp"), found["alignment"] is not None
+    what = "the cloud as the similarity carries it" if picked else "the cloud as it came"
     return [
+        Passage((DELIVERED.format(what=what),)),
         Passage((f"Rule, set before the numbers: {trial['rule']}",)),
         *([Passage((CANNOT_FALL,))] if picked else []),
         Table(
@@ -69,12 +79,8 @@ def _change(trial: Numbers, key: str) -> float | None:
 
 
 def _decision(trial: Numbers) -> str:
-    comparison = (
-        "What is delivered is the similarity's result; clouds after ICP serve to compare "
-        "reconstructions with their difference of pose taken out, and are not delivered."
-    )
     if trial["retained"]:
-        return f"Retained as a better pose: the held-out error fell. {comparison}"
+        return "Retained as a better pose: the held-out error fell."
     judged = trial["control_rmse_before_m"] is not None or trial["check_rmse_before_m"] is not None
     why = "the held-out error did not fall" if judged else "nothing was held out to judge it by"
-    return f"Not retained: {why}. {comparison}"
+    return f"Not retained: {why}."

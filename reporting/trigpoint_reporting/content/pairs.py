@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trigpoint_reporting.blocks import Block, Entry, Passage, Table
-from trigpoint_reporting.content.distances import with_interval
+from trigpoint_reporting.content.distances import is_outside, with_interval
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers
 
 STAGES = {"delivered": "as delivered", "after_icp": "after ICP, pose taken out"}
+# Of a difference that was measured and lies outside its own interval.
+MOVED = (
+    " It is of the difference at the true poses, from which an error of a pose has moved the one "
+    "measured."
+)
 SHORT = {"delivered": "", "after_icp": "after ICP: "}
 
 
@@ -51,15 +56,21 @@ def _differences(names: tuple[str, ...], found: Mapping[str, Numbers]) -> Table:
         columns += [f"{start}{one} (%)", f"{other} (%)", "Difference, 95 %", f"{one} is"]
     # One pair's rows are the same places in every stage.
     rows = zip(*(pair.rows("differences") for pair in found.values()), strict=True)
+    told = [row for pair in found.values() for row in pair.rows("differences")]
     return Table(
         f"{one} less {other}: completeness, {' and '.join(STAGES[stage] for stage in found)}",
         columns,
         [tuple(_row(stages)) for stages in rows],
         (
             "Paired: both from the same points of the reference. Difference: in percentage points, "
-            "in brackets the 95 % interval; one that holds zero is not told apart from none.",
+            "in brackets the 95 % interval; one that holds zero is not told apart from none."
+            f"{MOVED if any(map(_beside_its_interval, told)) else ''}",
         ),
     )
+
+
+def _beside_its_interval(row: Numbers) -> bool:
+    return is_outside(*(row[key] for key in ("difference_pct", "low_pct", "high_pct")))
 
 
 def _row(stages: Sequence[Numbers]) -> Iterator[Entry]:

@@ -32,9 +32,15 @@ def provenance(evidence: Evidence) -> list[Block]:
                 ("Check every file, without Python", "sha256sum -c manifest-sha256.txt"),
                 ("Recompute every number, NumPy alone", "python verify/verify.py"),
                 ("Do both, and compare what is printed", f"trigpoint verify {bundle}.zip"),
-                ("Make it again from the inputs", "trigpoint audit config/project.toml"),
+                (
+                    "Make it again from the inputs, and compare",
+                    f"trigpoint verify {bundle}.zip --again --inputs FOLDER",
+                ),
             ],
-            ("Inputs are known by their SHA-256 wherever they lie.",),
+            (
+                "The first two inside the unpacked bundle, the others beside it. FOLDER: where the "
+                "inputs lie; they are known by their SHA-256.",
+            ),
         ),
         *_changes(evidence),
     ]
