@@ -15,11 +15,12 @@ FEWEST_CHECKS = 30
 STANDARD = (
     "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2, Version 2 (2024)"
 )
-WORDING_SOURCE = f"{STANDARD}, section 7.16, as public report tools quote it"
+WORDING_SOURCE = f"{STANDARD}, section 7.16"
+# What was consulted, and when.
 WORDING_CHECKED_ON = (
-    "2026-11-22, against a public report tool that quotes it and carries the form for fewer than "
-    "thirty points over from horizontal products; the primary text is for the society's members "
-    "and was not seen"
+    "2026-11-22, in a public report tool that quotes it; that tool carries the form for fewer than "
+    "thirty points over from horizontal products. The standard itself, open to the society's "
+    "members, was not consulted"
 )
 BLANK = "___"
 
@@ -192,6 +193,6 @@ def _why(count: int, rule: TwiceRule) -> Iterator[Cell]:
 def wording_source() -> Passage:
     """Say where the sentences come from, and what they were checked against."""
     return Passage(
-        (f"Wording of the accuracy sentence: {WORDING_SOURCE}. Checked {WORDING_CHECKED_ON}.",),
+        (f"Accuracy sentence: {WORDING_SOURCE}; wording consulted on {WORDING_CHECKED_ON}.",),
         "note",
     )

@@ -210,19 +210,23 @@ def _icp(found: Numbers) -> Iterator[Cell]:
     if found["icp"] is None:
         return
     retained = found["icp"]["retained"]
-    yield "ICP lowers the held-out error and is retained. " if retained else "ICP is not retained. "
+    # Retained is the hypothesis: what is delivered, and what is told here, is the fit.
+    yield (
+        "ICP, not delivered, lowers the held-out error. " if retained else "ICP is not retained. "
+    )
 
 
 def _distances(found: Numbers) -> Iterator[Cell]:
     """Tell the two shares at the mark."""
     row = found.below("comparison", "delivered")
     position = mark_of(row["accuracy"]["all"]["within"])
-    yield row.value("accuracy", "all", "within", position, "pct")
-    yield " % of it lies within "
+    yield "Within "
     yield row.value("accuracy", "all", "within", position, "threshold_m")
-    yield " m of the reference, and "
+    yield " m of each other lie "
+    yield row.value("accuracy", "all", "within", position, "pct")
+    yield " % of the cloud and "
     yield row.value("completeness", "all", "within", position, "pct")
-    yield " % of the reference as near to it."
+    yield " % of the reference."
 
 
 def _frame(evidence: Evidence) -> str:

@@ -37,6 +37,14 @@ def test_the_result_takes_at_most_ninety_words(make_evidence, case):
         assert told.count("..") == told.count("  ") == 0
 
 
+def test_icp_that_is_retained_is_said_not_to_be_delivered(make_evidence):
+    evidence = make_evidence("full")
+    evidence.results["reconstructions"]["nerf"]["icp"]["retained"] = True
+    told = to_text(wording.result(evidence, "nerf"))
+    assert "ICP, not delivered, lowers the held-out error." in told
+    assert len(told.split()) <= 90
+
+
 def test_check_picks_are_what_the_plot_scale_goes_by(make_evidence):
     told = to_text(wording.result(make_evidence("full"), "nerf"))
     assert "At 4 check picks it is 0.150 m." in told
