@@ -133,7 +133,7 @@ def _rendered(
             message = 'pyvista is missing: pip install "trigpoint[reporting]"'
             raise _RenderError(message)
         if child.returncode or not made.exists():
-            message = f"OpenGL did not start: install {INSTALL} (on Debian: apt-get install)"
+            message = f"OpenGL did not start (on Debian: apt-get install {INSTALL})"
             raise _RenderError(message)
         with np.load(made, allow_pickle=False) as stored:
             pictures, renderer = stored["pictures"], stored["renderer"]

@@ -10,6 +10,7 @@ from trigpoint_reporting.evidence import Evidence
 
 # What is stored is rounded to 1e-9 m and 1e-12, so that sums of it differ by little more.
 TOLERANCE = 1e-8
+STAGES = {"delivered": "as delivered", "after_icp": "after ICP"}
 
 
 def recount(evidence: Evidence) -> Table:
@@ -29,7 +30,7 @@ def recount(evidence: Evidence) -> Table:
             (what, *(told.get(name, "\N{EN DASH}") for name in evidence.names))
             for what, told in found.items()
         ],
-        ("Agreement is to 1e-8 in metres or per cent; what is stored is rounded to 1e-9 m.",),
+        ("Agreement is to 10⁻⁸ in metres or per cent; what is stored is rounded to 10⁻⁹ m.",),
     )
 
 
@@ -71,7 +72,7 @@ def _recounted(
                 pairs = []
                 for position, (zone, row) in enumerate(comparison[direction].items(), -1):
                     pairs += _zone(row, distances if zone == "all" else distances[own == position])
-                yield f"{direction.capitalize()} by zone, {stage.replace('_', ' ')}", pairs
+                yield f"{direction.capitalize()} by zone, {STAGES[stage]}", pairs
 
 
 def _zone(row: dict[str, Any], distances: Any) -> list[tuple[float | None, float]]:

@@ -50,7 +50,9 @@ def test_trap_13_a_missing_opengl_is_a_box_and_not_a_crash(evidence, monkeypatch
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json")
     monkeypatch.setenv("LIBGL_DRIVERS_PATH", "/nonexistent")
     monkeypatch.delenv("DISPLAY", raising=False)
-    assert "install libegl1 libgl1-mesa-dri" in told(perspective_views(evidence))
+    assert "(on Debian: apt-get install libegl1 libgl1-mesa-dri)" in told(
+        perspective_views(evidence)
+    )
 
 
 def replaced_child(monkeypatch, code):
