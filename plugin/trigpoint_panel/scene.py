@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,9 @@ from trigpoint_panel.camera import CORNER, STANDS, Camera, Face, Position, camer
 from trigpoint_panel.colouring import ColourMode, Colours, Legend, coloured, modes_of
 from trigpoint_panel.layer import Layer
 from trigpoint_panel.marks import Marker, Marks
+from trigpoint_panel.pace import FIRST, Pace
 from trigpoint_reporting.elevations import LIMIT_M
 
-# Points drawn while the view moves: ten frames a second without a graphics card.
-COARSE = 80_000
-# Seconds: where a picture takes longer, eye-dome lighting waits until the view rests.
-SLOW = 0.05
 # Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
 STRAY = 0.5
 # Points that stand for all of them where a view is fitted.
@@ -48,15 +46,17 @@ class Scene:
     Parameters
     ----------
     coarse : int
-        Points drawn while the view moves.
+        Points of a cloud drawn while the view first moves; then the pictures' times tell.
     """
 
-    def __init__(self, *, coarse: int = COARSE) -> None:
+    def __init__(self, *, coarse: int = FIRST) -> None:
         self.cloud: PointCloud | None = None
         self.origin = np.zeros(3)
         self.mode: ColourMode | None = None
         self.legend: Legend | None = None
-        self._coarse = coarse
+        self._pace = Pace(coarse)
+        self._clock: list[int] = []
+        self._begun = 0.0
         self._unit = "m"
         self._local = np.empty((0, 3), np.float32)
         self._extent = 1.0
@@ -74,7 +74,7 @@ class Scene:
         self._lighting: Any = None
         self._plotter: Any = None
         self._ratio, self._size, self._drawn = 1.0, POINT, POINT
-        self._eye_dome, self._unlit, self._dark, self._moving = True, False, False, False
+        self._eye_dome, self._dark, self._moving = True, False, False
         self._up: Position = (0.0, 0.0, 1.0)
         self._camera = camera_from(CORNER, self._up, np.zeros(3), 1.0)
 
@@ -87,6 +87,11 @@ class Scene:
         plotter.suppress_rendering = True
         self._marks = Marks(self.renderer, ratio)
         self._lighting = eye_dome()
+        window = plotter.render_window
+        self._clock = [
+            window.AddObserver("StartEvent", self._begin),
+            window.AddObserver("EndEvent", self._end),
+        ]
         for layer in self._layers():
             layer.show_in(self.renderer)
         self.set_point_size(self._size)
@@ -99,8 +104,11 @@ class Scene:
         """Let go of the plotter; what is shown is remembered."""
         if self._plotter is None:
             return
+        window = self._plotter.render_window
+        for observer in self._clock:
+            window.RemoveObserver(observer)
         self.renderer.SetPass(None)
-        self._lighting.ReleaseGraphicsResources(self._plotter.render_window)
+        self._lighting.ReleaseGraphicsResources(window)
         if self._marks is not None:
             self._marks.close()
         for layer in self._layers():
@@ -234,8 +242,8 @@ class Scene:
         # By axes: picking asks each for itself, and finds its numbers side by side.
         self._columns = np.ascontiguousarray(shown.T)
         if len(shown):
-            self._layer = Layer(shown, self._shown(self._colours), self._coarse)
-            self._layer.set_moving(self._moving)
+            self._layer = Layer(shown, self._shown(self._colours))
+            self._layer.draw_at_most(self._share)
             self._layer.set_visible(self._shows_cloud)
             if self._plotter is not None:
                 self._layer.show_in(self.renderer)
@@ -262,8 +270,8 @@ class Scene:
         if cloud is not None and self._overlay is None:
             middle = np.floor(cloud.xyz.mean(axis=0))
             colours, _ = coloured(cloud, modes_of(cloud)[0], up=np.array([0.0, 0.0, 1.0]))
-            layer = Layer(_about(cloud.xyz, middle), colours, self._coarse)
-            layer.set_moving(self._moving)
+            layer = Layer(_about(cloud.xyz, middle), colours)
+            layer.draw_at_most(self._share)
             self._overlay = cloud, layer, cloud.origin + middle
             self._resize_points()
             if self._plotter is not None:
@@ -327,8 +335,7 @@ class Scene:
     def set_eye_dome(self, on: bool) -> None:
         """Darken the edges in depth, or do not."""
         self._eye_dome = on
-        if self._plotter is not None:
-            self.renderer.SetPass(self._lighting if on else None)
+        self._thin()
 
     @property
     def eye_dome(self) -> bool:
@@ -347,20 +354,45 @@ class Scene:
         return DARK if self._dark else LIGHT
 
     def set_moving(self, moving: bool) -> None:
-        """Draw fewer points while the view moves, and all of them when it rests."""
+        """Draw while the view moves what there is time for, and everything when it rests."""
         if moving != self._moving:
             self._moving = moving
-            for layer in self._layers():
-                layer.set_moving(moving)
-        if self._plotter is not None and self._eye_dome:
-            slow = self.renderer.GetLastRenderTimeInSeconds() > SLOW
-            self._unlit = moving and (self._unlit or slow)
-            self.renderer.SetPass(None if self._unlit else self._lighting)
+            if not moving:
+                self._pace.rested()
+            self._thin()
 
     @property
     def is_thinned(self) -> bool:
-        """Whether fewer points are drawn while the view moves."""
-        return any(layer.is_thinned for layer in self._layers())
+        """Whether less is drawn than there is, since the view moves."""
+        return self._is_unlit or any(layer.is_thinned for layer in self._layers())
+
+    @property
+    def _share(self) -> int | None:
+        return self._pace.count if self._moving else None
+
+    @property
+    def _is_unlit(self) -> bool:
+        return self._eye_dome and self._moving and not self._pace.is_lit
+
+    def _thin(self) -> None:
+        for layer in self._layers():
+            layer.draw_at_most(self._share)
+        if self._plotter is not None:
+            lit = self._eye_dome and not self._is_unlit
+            self.renderer.SetPass(self._lighting if lit else None)
+
+    def _begin(self, *_: object) -> None:
+        self._begun = perf_counter()
+
+    def _end(self, window: Any, _: object) -> None:
+        layers = self._layers()
+        if not self._moving or not layers:
+            return
+        # A graphics card may not even have begun.
+        window.WaitForCompletion()
+        took = perf_counter() - self._begun
+        if self._pace.took(took, max(layer.drawn for layer in layers)):
+            self._thin()
 
     def set_markers(self, markers: Sequence[Marker]) -> None:
         """Show these markers in place of those before."""

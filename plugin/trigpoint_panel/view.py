@@ -568,16 +568,18 @@ class CloudView(QtWidgets.QWidget):
         self.camera_changed.emit()
 
     def _keep_moving(self) -> None:
-        """Draw few points now, and all of them once the view rests."""
-        if self.canvas is not None and self.scene.is_thinned:
+        """Draw now what there is time for, and everything once the view rests."""
+        if self.canvas is not None:
             self.scene.set_moving(True)
             self._rest.start()
         self._move_loupe()
         self.refresh()
 
     def _refine(self) -> None:
+        was_thinned = self.scene.is_thinned
         self.scene.set_moving(False)
-        self.refresh()
+        if was_thinned:
+            self.refresh()
 
     def _row_at(self, at: QtCore.QPointF) -> int | None:
         if self.canvas is None:

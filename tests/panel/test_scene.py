@@ -17,6 +17,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from trigpoint_panel.camera import camera_from
 from trigpoint_panel.marks import Marker
+from trigpoint_panel.pace import FEWEST
 from trigpoint_panel.scene import Scene
 
 HIGH = np.array([0.0, 0.0, 500.0])
@@ -33,7 +34,7 @@ def plotter():
 
 @pytest.fixture
 def scene(plotter, opened_tower):
-    made = Scene(coarse=5000)
+    made = Scene(coarse=FEWEST)
     made.attach(plotter)
     made.show(opened_tower().cloud)
     yield made
@@ -139,6 +140,20 @@ def test_the_same_is_picked_while_few_points_are_drawn(scene, plotter):
     assert scene.is_thinned
     assert [scene.pick_at(x, 140) for x in (190, 200, 210)] == resting
     assert inked(shot(plotter), scene) > 0.5 * full
+
+
+def test_a_slow_machine_gets_less_while_the_view_moves_and_the_same_picture_after(scene, plotter):
+    before = shot(plotter)
+    scene.set_moving(True)
+    shot(plotter)
+    assert scene._layer.drawn == FEWEST
+    lit = shot(plotter)
+    scene._pace.is_lit = False
+    scene._thin()
+    assert shot(plotter).mean() > lit.mean()
+    scene.set_moving(False)
+    assert not scene.is_thinned
+    assert (shot(plotter) == before).all()
 
 
 def test_isolated_points_alone_are_shown_and_picked(scene, plotter):

@@ -259,13 +259,32 @@ def test_one_action_draws_one_picture(qtbot, shown, opened_tower):
 
 
 def test_few_points_are_drawn_while_the_view_moves(qtbot, shown, opened_tower):
-    view = shown()
-    view.scene._coarse = 2000
-    view.set_cloud(opened_tower())
-    rest(qtbot, view)
+    view = shown(opened=opened_tower(60_000))
+    assert not view.scene.is_thinned
     drag(qtbot, view, 60, 20)
-    assert view.scene._moving
-    qtbot.waitUntil(lambda: not view.scene._moving, timeout=2000)
+    assert view.scene.is_thinned
+    renders = Renders(view)
+    qtbot.waitUntil(lambda: not view.scene.is_thinned, timeout=2000)
+    rest(qtbot, view)
+    assert renders.count >= 1
+
+
+def test_what_a_movement_draws_follows_how_long_its_pictures_take(
+    qtbot, shown, opened_tower, monkeypatch
+):
+    view = shown(opened=opened_tower(60_000))
+    told = []
+    monkeypatch.setattr(view.scene._pace, "took", lambda *taken: told.append(taken) and False)
+    drag(qtbot, view, 60, 20)
+    qtbot.waitUntil(lambda: bool(told))
+    seconds, drawn = told[0]
+    assert 0 < seconds < 10
+    assert drawn == view.scene._pace.count < 60_000
+    rest(qtbot, view)
+    told.clear()
+    view.refresh()
+    qtbot.wait(50)
+    assert not told
 
 
 def test_the_cameras_are_tied_through_the_similarity(qtbot, shown, opened_tower, similarity_from):
