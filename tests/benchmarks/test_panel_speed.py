@@ -69,6 +69,9 @@ single = frames(views[1])
 link = Link(*views)
 link.follow(Similarity(1.0, np.eye(3), np.zeros(3)))
 linked = frames(views[1])
+# How far the views have turned depends on the machine; where picks are made must not.
+views[1].fit_view()
+views[1].look("front")
 QtTest.QTest.qWait(1500)
 picks = []
 scene = views[1].scene
@@ -139,6 +142,7 @@ def test_two_clouds_of_a_million_points_are_shown_moved_and_picked_in(platform, 
     )
     assert found["first"] < 5
     assert found["single"] >= 10
+    assert found["linked"] >= 10
     assert found["pick"] < 0.05
 
 
