@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from trigpoint.canonical import write_text
+from trigpoint.entries import LONGEST
 from trigpoint.errors import ProjectError
-from trigpoint.project import LONGEST
 
 PROJECT = """\
 # A trigpoint project. Paths are relative to this file and stay in its folder, or are absolute.
