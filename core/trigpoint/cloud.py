@@ -9,6 +9,7 @@ import numpy as np
 import pyproj
 from numpy.typing import ArrayLike, NDArray
 
+from trigpoint.crs import parse_crs
 from trigpoint.similarity import Points, Similarity
 
 # Attribute triples that are directions and turn with the cloud, by the names that formats use.
@@ -66,7 +67,7 @@ class PointCloud:
         self,
         similarity: Similarity,
         *,
-        crs: pyproj.CRS | None = None,
+        crs: str | pyproj.CRS | None = None,
         origin: NDArray[np.float64] | None = None,
     ) -> PointCloud:
         """Carry the cloud through a similarity: points moved, normals turned, the rest kept.
@@ -75,8 +76,8 @@ class PointCloud:
         ----------
         similarity : Similarity
             Maps this cloud's frame to the new one.
-        crs : pyproj.CRS, optional
-            What the new frame is.
+        crs : str or pyproj.CRS, optional
+            What the new frame is, such as ``EPSG:32615``.
         origin : ndarray of shape (3,), optional
             Origin of the result; by default where the old origin goes, to the metre.
         """
@@ -93,14 +94,14 @@ class PointCloud:
                 turned = similarity.turn(old)
                 for axis, name in enumerate(triple):
                     attributes[name] = turned[:, axis].astype(attributes[name].dtype)
-        return PointCloud(local(self.xyz), origin, attributes, crs, self.faces)
+        return PointCloud(local(self.xyz), origin, attributes, parse_crs(crs), self.faces)
 
 
 def cloud_from(
     coordinates: ArrayLike,
     *,
     attributes: Mapping[str, NDArray[np.generic]] | None = None,
-    crs: pyproj.CRS | None = None,
+    crs: str | pyproj.CRS | None = None,
 ) -> PointCloud:
     """Build a PointCloud from absolute coordinates of shape (n, 3).
 
@@ -112,7 +113,7 @@ def cloud_from(
     """
     points = np.asarray(coordinates, np.float64).reshape(-1, 3)
     origin = np.floor(points.min(axis=0)) if len(points) else np.zeros(3)
-    return PointCloud(points - origin, origin, attributes or {}, crs)
+    return PointCloud(points - origin, origin, attributes or {}, parse_crs(crs))
 
 
 def concatenate(clouds: Sequence[PointCloud]) -> PointCloud:
