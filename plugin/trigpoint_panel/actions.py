@@ -107,7 +107,10 @@ COMMANDS: dict[str, Command] = {
     "help": Command("Keys", "F1", "What the keys do"),
 }
 HELD = ("Z, held", "Magnify at the mouse, in both views")
-IN_TABLE = ("Space", "Control, check or off, for the selected pairs")
+IN_TABLE = (
+    ("Space", "Control, check or off, for the selected pairs"),
+    ("Empty a coordinate", "Open that half again, to pick it anew"),
+)
 
 
 def make_actions(panel: QWidget) -> dict[str, QAction]:
@@ -136,4 +139,4 @@ def keys_told() -> list[tuple[str, str]]:
         for command in COMMANDS.values()
         if command.keys
     ]
-    return [*told, IN_TABLE, HELD]
+    return [*told, *IN_TABLE, HELD]

@@ -35,7 +35,8 @@ NOTHING: Draft = (None, None, None)
 def typed_place(half: Draft, axis: int, text: str) -> Draft:
     """Return a place with what was typed into one of its three cells.
 
-    Three numbers in one cell, between blanks, semicolons or commas, are the whole place.
+    Three numbers in one cell, between blanks, semicolons or commas, are the whole place; nothing
+    takes a number away.
 
     Raises
     ------
@@ -49,9 +50,9 @@ def typed_place(half: Draft, axis: int, text: str) -> Draft:
     >>> typed_place((None, None, None), 0, "741008.4, 4279056.3, 153.8")
     (741008.4, 4279056.3, 153.8)
     """
-    numbers = _numbers(text)
+    numbers = _numbers(text) if text.strip() else [None]
     for number in numbers:
-        if abs(number) > FARTHEST:
+        if number is not None and abs(number) > FARTHEST:
             message = f"{number:g} is no coordinate: type numbers up to {FARTHEST:g}."
             raise PicksError(message)
     if len(numbers) == 3:

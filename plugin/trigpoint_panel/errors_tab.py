@@ -146,12 +146,6 @@ class ErrorsTab(Tab):
         """Say why a setting can't be; empty: all can."""
         say(self.trouble, text, "error")
 
-    def choose_zone(self, name: str) -> None:
-        """Choose a zone in the tables, as a click there does."""
-        for row in range(self.accuracy.rowCount()):
-            if _zone(self.accuracy, row) == name:
-                self.accuracy.selectRow(row)
-
     def _carried_by(self) -> str:
         if self._findings is None:
             return "Both ways, thinned to one lattice; exact, never capped."

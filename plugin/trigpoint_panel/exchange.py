@@ -126,14 +126,6 @@ def export_pairs(pairs: Pairs, path: Path, *, crs: pyproj.CRS | None) -> tuple[P
     return written
 
 
-def is_point_list(path: Path | str) -> bool:
-    """Whether a file reads as the points of one cloud, rather than as pairs."""
-    try:
-        return bool(read_point_list(path))
-    except PicksError:
-        return False
-
-
 def read_point_list(path: Path | str) -> tuple[Point, ...]:
     """Read a picking list of CloudCompare: ``name,x,y,z`` or ``x,y,z`` a line.
 

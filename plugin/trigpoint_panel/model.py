@@ -201,12 +201,6 @@ class Model:
         reference = replace(self._state.project.reference, **changes)
         self._change_project("Change reference details", reference=reference)
 
-    def set_reconstruction(self, **changes: Any) -> None:
-        """Change what is known of the source: fields of ReconstructionInput, or ProjectError."""
-        given = replace(self._state.given, **changes)
-        project = with_given(self._state, given)
-        self._step("Change source details", project=checked(project), reconstruction=given.name)
-
     def set_project(self, project: Project) -> None:
         """Say which project.toml the session belongs to, once it is written; it is no step."""
         self._set(replace(self._state, project=project))
@@ -315,9 +309,6 @@ class Model:
     def reopen(self, name: str, side: Side) -> None:
         """Open one half of a pair again, so that the next click there picks it anew."""
         pair = self._known(name).placed(side, None)
-        if pair.source is None and pair.target is None and not self._state.is_second_operator:
-            self.delete({name})
-            return
         pairs = exchanged(self._state.pairs, name, pair)
         self._step(f"Open {name} in the {side}", pairs=pairs, selected=name)
 
@@ -365,7 +356,7 @@ class Model:
         """Take what was typed into a cell of the table.
 
         A coordinate typed into an open half waits in a draft until all three are there; three
-        numbers in one cell fill it at once.
+        numbers in one cell fill it at once. A coordinate that is emptied opens its half again.
 
         Raises
         ------
@@ -377,6 +368,9 @@ class Model:
             self.rename(name, text)
         elif column in PLACES:
             side, axis = PLACES[column]
+            if not text.strip() and pair.at(side) is not None:
+                self.reopen(name, side)
+                return
             half = pair.at(side) or self.draft(name, side)
             typed = typed_place(half, axis, text)
             x, y, z = typed

@@ -13,7 +13,6 @@ from trigpoint.errors import TrigpointError
 from trigpoint.similarity import Points
 
 Mode = Literal["point", "centroid", "highest", "corner"]
-MODES: tuple[Mode, ...] = ("point", "centroid", "highest", "corner")
 
 Vector = NDArray[np.float64]
 Place = tuple[Vector, float]  # where, and one standard deviation along each axis

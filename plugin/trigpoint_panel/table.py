@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Any
 
 from qtpy.QtCore import (
@@ -29,6 +28,7 @@ from qtpy.QtWidgets import (
 )
 
 from trigpoint.errors import TrigpointError
+from trigpoint_panel.columns import AT, COLUMNS, Column
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair, Side
 from trigpoint_panel.style import look_of
@@ -45,91 +45,6 @@ CHECKED = {
     "check": Qt.CheckState.PartiallyChecked,
     "off": Qt.CheckState.Unchecked,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One column: where its cells come from and how its head reads.
-
-    Attributes
-    ----------
-    key : str
-        Of the pair, or of the fit's table.
-    head : str
-        Its second line is the unit.
-    about : str
-        The whole story, for the tool tip.
-    widest : str
-        What it must have room for.
-    digits : int or None
-        Decimals shown; None for words.
-    edited : bool
-    """
-
-    key: str
-    head: str
-    about: str
-    widest: str
-    digits: int | None = None
-    edited: bool = False
-
-
-COLUMNS = (
-    Column(
-        "role",
-        "Use\n",
-        "Control pairs make the fit; check pairs only test it. Space changes.",
-        "XX control",
-        edited=True,
-    ),
-    Column(
-        "id", "Pair\n", "Its name. Double-click: both views fly there.", "course2-nw", edited=True
-    ),
-    Column("flag", "Verdict\n", "What is wrong with the pair, in a word.", "look again"),
-    Column("source_x", "Source X\nunits", "In the source's own frame.", "-00.000", 3, True),
-    Column("source_y", "Y\nunits", "In the source's own frame.", "-00.000", 3, True),
-    Column("source_z", "Z\nunits", "In the source's own frame.", "-00.000", 3, True),
-    Column("target_x", "Target E\nm", "Easting in the reference's CRS.", "000000.000", 3, True),
-    Column("target_y", "N\nm", "Northing in the reference's CRS.", "0000000.000", 3, True),
-    Column("target_z", "H\nm", "Height in the reference's CRS.", "0000.000", 3, True),
-    Column("dx_m", "dE\nm", "Residual: target minus transformed source.", "-00.000", 3),
-    Column("dy_m", "dN\nm", "Residual: target minus transformed source.", "-00.000", 3),
-    Column("dz_m", "dH\nm", "Residual: target minus transformed source.", "-00.000", 3),
-    Column("d_m", "3D\nm", "Length of the residual; the bar compares the pairs.", "00.000XX", 3),
-    Column("loo_m", "LOO\nm", "Length of the residual of a fit to the other pairs.", "00.000", 3),
-    Column(
-        "redundancy",
-        "Redun-\ndancy",
-        "How far other pairs check this one: 0 not, 3 fully.",
-        "Redun-",
-        2,
-    ),
-    Column(
-        "detectable_blunder_m",
-        "Detect-\nable m",
-        "The smallest blunder that would be found.",
-        "able m0",
-        2,
-    ),
-    Column("p_value", "p\n", "Chance of a residual as large if nothing were wrong.", "0.0000", 3),
-    Column(
-        "sigma_source",
-        "Sigma\nunits",
-        "Of the pick in the source, per axis.",
-        "Sigma0",
-        4,
-        True,
-    ),
-    Column("sigma_target", "Sigma\nm", "Of the pick in the target, per axis.", "Sigma0", 3, True),
-    Column(
-        "note",
-        "Note\n",
-        "What was pointed at, and how it was snapped.",
-        "lower string course, top, south-east corner",
-        edited=True,
-    ),
-)
-AT = {column.key: i for i, column in enumerate(COLUMNS)}
 
 
 class PairTableModel(QAbstractTableModel):

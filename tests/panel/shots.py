@@ -102,9 +102,9 @@ class Shots:
         self.keep("comparing")
         hand.idle(120)
         self.keep("errors")
-        panel.errors_tab.choose_zone("upper")
+        panel.errors_tab.accuracy.selectRow(1)
         self.keep("zone-alone")
-        panel.errors_tab.choose_zone("all")
+        panel.errors_tab.accuracy.selectRow(0)
         for each in (panel.views.source, panel.views.target):
             each.colour_by(each.scene.modes[0])
         panel.try_icp()

@@ -4,7 +4,7 @@ import pytest
 
 from trigpoint.errors import CrsError, PicksError
 from trigpoint.picks import read_picks
-from trigpoint_panel.exchange import is_point_list, read_point_list
+from trigpoint_panel.exchange import read_point_list
 from trigpoint_panel.model import Model
 
 HEADER = "id,source_x,source_y,source_z,target_x,target_y,target_z,role,photo\n"
@@ -116,7 +116,6 @@ def test_point_lists_are_read_as_programs_write_them(tmp_path, text, names):
     points = read_point_list(tmp_path / "list.txt")
     assert [point.name for point in points] == names
     assert points[0].xyz == (1.0, 2.0, 3.0)
-    assert is_point_list(tmp_path / "list.txt")
 
 
 @pytest.mark.parametrize(
@@ -136,7 +135,6 @@ def test_what_is_no_point_list_is_refused_with_its_line(model, tmp_path, content
     with pytest.raises(PicksError, match=words):
         model.import_points(tmp_path / "list.txt", "source")
     assert model.state == before
-    assert not is_point_list(tmp_path / "list.txt")
 
 
 def test_a_missing_list_is_told_in_one_sentence(model, tmp_path):

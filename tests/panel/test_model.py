@@ -150,10 +150,24 @@ def test_the_open_half_is_dropped_and_nothing_else(tower):
 
 def test_a_half_is_opened_again_and_picked_anew(tower):
     model, truth = tower
-    model.reopen("P2", "target")
+    model.select("P5")
+    model.edit("P2", "target_y", " ")
+    assert model.undo_text == "Open P2 in the target"
     assert model.half_open.id == "P2"
     placed = model.place("target", truth(CORNERS[1:2])[0])
     assert (placed.id, placed.warning) == ("P2", "")
+
+
+def test_a_pair_whose_only_half_is_emptied_stays_to_be_picked(tower):
+    model, _ = tower
+    model.place("source", [1, 2, 3])
+    model.edit("P7", "source_x", "")
+    assert [pair.id for pair in model.pairs][-1] == "P7"
+    model.edit("P7", "source_x", "5")
+    assert model.draft("P7", "source") == (5.0, None, None)
+    model.edit("P7", "source_x", "")
+    assert model.draft("P7", "source") == (None, None, None)
+    assert model.place("source", [1, 2, 3]).id == "P7"
 
 
 def test_a_ghost_needs_three_pairs_and_stands_where_the_corner_is(tower):
@@ -267,7 +281,6 @@ def test_what_was_typed_is_forgotten_with_its_pair_or_its_pick():
     ("column", "text", "words"),
     [
         ("source_x", "abc", "not a number"),
-        ("source_x", "", "not a coordinate"),
         ("source_x", "1 2", "not a coordinate"),
         ("source_x", "nan", "not a number"),
         ("source_x", "1,234.5", "not a number"),
@@ -348,20 +361,6 @@ def test_a_report_is_of_the_state_that_it_was_asked_for(tower, tmp_path):
     model.delete({"P1"})
     model.mark_reported(asked)
     assert model.is_stale
-
-
-def test_the_source_can_be_renamed(tower, tmp_path):
-    model, _ = tower
-    model.open_cloud("source", tmp_path / "a.ply")
-    model.set_reconstruction(name="facade", kind="photogrammetry")
-    assert model.state.reconstruction == "facade"
-    assert model.state.source_path == tmp_path / "a.ply"
-    model.open_cloud("source", tmp_path / "b.ply")
-    model.undo()
-    assert model.state.reconstruction == "nerf"
-    assert model.state.source_path == tmp_path / "b.ply"
-    with pytest.raises(ProjectError, match="kind"):
-        model.set_reconstruction(kind="drawing")
 
 
 def test_another_session_leaves_nothing_to_undo(tower):

@@ -292,13 +292,13 @@ def test_a_zone_is_isolated_by_choosing_its_row(panel, host, clouds, qtbot):
     assert panel.views.source.scene.mode == "distance"
     shown = []
     panel.views.source.isolate = shown.append
-    tab.choose_zone("upper")
+    tab.accuracy.selectRow(1)
     heights = TRUTH(panel.views.opened["source"].cloud.coordinates)[:, 2]
     low, high = heights.min(), heights.max()
     assert tab.completeness.currentRow() == 1
     agree = shown[-1] == (heights >= low + 0.66 * (high - low))
     assert agree.mean() > 0.999
-    tab.choose_zone("all")
+    tab.accuracy.selectRow(0)
     assert shown[-1] is None
     panel.model.undo()
     assert "Changed since" in tab.note.text()
@@ -326,14 +326,14 @@ def test_findings_go_with_the_cloud_that_they_were_of(panel, host, clouds, qtbot
     feed(panel)
     panel.compare()
     qtbot.waitUntil(lambda: panel.errors_tab.findings is not None, timeout=20_000)
-    panel.errors_tab.choose_zone("upper")
+    panel.errors_tab.accuracy.selectRow(1)
     kept, shown = panel.errors_tab.findings, dict(panel.views.opened)
     write(clouds / "few.ply", cloud_from(CORNERS))
     panel.open_cloud("source", clouds / "few.ply")
     qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
     assert panel.errors_tab.findings is None
     assert "distance" not in panel.views.target.scene.modes
-    panel.errors_tab.choose_zone("upper")
+    panel.errors_tab.accuracy.selectRow(2)
     panel._compared(kept, None, shown)  # as one that was under way
     assert panel.errors_tab.findings is None
     assert [text for level, text, *_ in host.said if level != "success"] == [

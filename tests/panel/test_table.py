@@ -8,8 +8,9 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QLineEdit
 
 from trigpoint.similarity import Similarity
+from trigpoint_panel.columns import AT, COLUMNS
 from trigpoint_panel.model import Model
-from trigpoint_panel.table import AT, COLUMNS, LEVEL, PairTable
+from trigpoint_panel.table import LEVEL, PairTable
 
 PLACES = np.array(
     [[0, 0, 0], [8, 0, 1], [8, 8, 0], [0, 8, 2], [1, 1, 12], [7, 6, 11], [2, 6, 5]], float
@@ -54,6 +55,15 @@ def test_a_suspect_has_a_word_a_level_and_a_reason(table, model):
     assert index.data() == "suspect"
     assert index.data(LEVEL) == "red"
     assert "does not fit the others" in index.data(Qt.ItemDataRole.ToolTipRole)
+
+
+def test_an_emptied_coordinate_opens_its_half_to_be_picked_anew(table, model):
+    assert table.model().setData(table.index_of("P2", "source_y"), "")
+    assert model.pairs[1].source is None
+    assert model.pairs[1].target is not None
+    assert [table.cell("P2", f"source_{axis}") for axis in "xyz"] == ["", "", ""]
+    model.undo()
+    assert table.cell("P2", "source_y") == "0.000"
 
 
 def test_numbers_are_sorted_as_numbers(table, model):
