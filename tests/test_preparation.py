@@ -129,6 +129,25 @@ def test_an_outline_crops_reconstructions_and_never_the_reference():
     )
 
 
+@pytest.mark.parametrize(
+    ("outline", "share"),
+    [
+        (shapely.box(-1, -1, 13, 1), 0.0),
+        (shapely.box(-1, -1, 11.98, 1), 0.0),  # the border cuts off next to nothing
+        (shapely.box(-1, -1, 6, 1), 0.5),
+        (shapely.box(-1, -1, 13, 1).difference(shapely.box(3, -1, 6, 1)), 0.25),  # a hole
+    ],
+)
+def test_a_region_that_leaves_out_some_of_the_reference_is_a_caution(outline, share):
+    reference = prepare(cloud_from(facade(10_000, 12)), region=Outline(outline))
+    assert reference.points == reference.counts.sum() == 10_000
+    codes = [caution.code for caution in reference.cautions]
+    assert codes == (["region_leaves_out_reference"] if share else [])
+    if share:
+        count = int(reference.cautions[0].message.split()[0].replace(",", ""))
+        assert count == pytest.approx(10_000 * share, rel=0.05)
+
+
 def test_a_similarity_carries_the_reconstruction_onto_the_references_lattice(
     offset, similarity_from
 ):

@@ -33,6 +33,7 @@ Code = Literal[
     "threshold_below_voxel",
     "zone_empty",
     "region_mostly_empty",  # the region crop left little of a reconstruction
+    "region_leaves_out_reference",  # reconstructions are cropped where the reference has points
     "blocks_few",  # too small an area for an interval
     "raw_not_measured",  # too many points for unthinned shares
     "icp_not_retained",

@@ -45,6 +45,8 @@ SEED = 42
 RAW_LIMIT = 4_000_000
 # A region that keeps less than this share of a reconstruction deserves a caution.
 MOSTLY_EMPTY = 0.5
+# Polygons that leave out more than this share of a reference deserve one: completeness counts it.
+LEFT_OUT = 0.01
 # The floor is measured from at most so many points, spread evenly: to a part in five hundred.
 FLOOR_SAMPLE = 250_000
 
@@ -216,7 +218,7 @@ def prepare(
         high=found.high,
         zones=cuts,
         region=area,
-        cautions=area.cautions if isinstance(area, Outline) else (),
+        cautions=_outline_cautions(area, voxels) if isinstance(area, Outline) else (),
         _tree=tree,
         _floor=floor,
     )
@@ -383,6 +385,20 @@ def _area(
     if region is not None:
         return read_outline(region, crs=crs)
     return None if margin is None else padded_box(reference.low, reference.high, margin=margin)
+
+
+def _outline_cautions(outline: Outline, reference: Voxels) -> tuple[Caution, ...]:
+    """Say what of the reference lies outside, in holes too: it is kept, and has no partner left."""
+    whole = int(reference.counts.sum())
+    left_out = int(reference.counts[~outline.contains(reference.cloud)].sum())
+    if left_out <= LEFT_OUT * whole:
+        return outline.cautions
+    message = (
+        f"{left_out:,} of the reference's {whole:,} points lie outside the region or in its holes, "
+        "where reconstructions are cropped and the reference is not: completeness counts them as "
+        "missing. Cut the reference to the region, or draw the region around it."
+    )
+    return (*outline.cautions, Caution("region_leaves_out_reference", message))
 
 
 def _floor(
