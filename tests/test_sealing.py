@@ -8,10 +8,10 @@ import pytest
 from bundles import sealed_bundle
 
 import trigpoint
-from trigpoint.delivery import sha256
+from trigpoint.delivery import archive_of, sha256
 from trigpoint_reporting.manifest import MANIFEST, RECORD, BundleError, list_files, read_manifest
 from trigpoint_reporting.quality import quality_report
-from trigpoint_reporting.sealing import pack, seal, verifier_source
+from trigpoint_reporting.sealing import pack, pack_left, seal, verifier_source
 from trigpoint_reporting.verifier.verify import look_up
 
 BUILT = {}
@@ -129,6 +129,34 @@ def test_an_issued_zip_is_never_overwritten_and_a_draft_is(bundle):
     results = bundle / "data" / "results.json"
     results.write_text(results.read_text("utf-8").replace('"issued"', '"draft"'), "utf-8")
     assert pack(bundle) == path
+
+
+def test_an_issued_bundle_that_was_left_without_its_zip_gets_it_and_no_other_does(bundle):
+    whole = pack(bundle).read_bytes()
+    assert pack_left(bundle) is None  # it has one
+    path = archive_of(bundle)
+    path.unlink()
+    assert pack_left(bundle) == path
+    assert path.read_bytes() == whole
+    assert pack_left(bundle.parent / "none-r1") is None
+    path.unlink()
+    results = bundle / "data" / "results.json"
+    results.write_text(results.read_text("utf-8").replace('"issued"', '"draft"'), "utf-8")
+    assert pack_left(bundle) is None  # a draft is made again
+
+
+@pytest.mark.parametrize("act", ["change", "remove", "add", "unseal"])
+def test_an_issued_bundle_that_was_changed_gets_no_zip(bundle, act):
+    target = bundle / ("note.txt" if act == "add" else "report.html")
+    if act == "unseal":
+        (bundle / MANIFEST).unlink()
+    elif act == "remove":
+        target.unlink()
+    else:
+        target.write_text("another", "utf-8")
+    with pytest.raises(BundleError, match=MANIFEST if act == "unseal" else target.name):
+        pack_left(bundle)
+    assert not archive_of(bundle).exists()
 
 
 def test_no_path_user_or_time_of_the_machine_is_in_it(bundle):

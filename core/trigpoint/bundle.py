@@ -19,8 +19,14 @@ from trigpoint.project import Project
 from trigpoint.record import Audit, Judged
 
 
+def bundle_path(project: Project, out: str | Path | None = None) -> Path:
+    """Return where a project's bundle belongs, ``<out>/<id>-r<revision>``, whatever is there."""
+    parent = project.path.parent / "audit" if out is None else Path(out)
+    return parent / f"{project.about.id}-r{project.about.revision}"
+
+
 def bundle_folder(project: Project, out: str | Path | None = None) -> Path:
-    """Return where a project's bundle belongs: ``<out>/<id>-r<revision>``.
+    """Return where a project's bundle may be written: `bundle_path`, if no more than a draft is.
 
     Parameters
     ----------
@@ -33,8 +39,7 @@ def bundle_folder(project: Project, out: str | Path | None = None) -> Path:
     ProjectError
         If this revision is there already, as a folder or a zip, and is not a draft.
     """
-    parent = project.path.parent / "audit" if out is None else Path(out)
-    folder = parent / f"{project.about.id}-r{project.about.revision}"
+    folder = bundle_path(project, out)
     for found in (folder, archive_of(folder)):
         status = _stored_status(found, folder.name) if found.exists() else "draft"
         if status != "draft":

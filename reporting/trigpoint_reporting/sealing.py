@@ -24,6 +24,7 @@ from trigpoint_reporting.manifest import (
     BundleError,
     hash_files,
     list_files,
+    read_manifest,
     write_manifest,
 )
 from trigpoint_reporting.numbers import write_rounding
@@ -109,9 +110,50 @@ def pack(folder: Path) -> Path:
     return target
 
 
+def pack_left(folder: Path) -> Path | None:
+    """Pack an issued bundle that was left without its zip, such as by a run that was killed.
+
+    An issued bundle is never made again, so that its zip could not be had otherwise.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the bundle would be.
+
+    Returns
+    -------
+    Path or None
+        The zip; None where there is nothing to finish: no such folder, a draft, or a zip already.
+
+    Raises
+    ------
+    BundleError
+        If the folder is not, file by file, what was sealed.
+    """
+    if archive_of(folder).exists() or not _is_issued(folder):
+        return None
+    sealed, found = read_manifest(folder / MANIFEST), hash_files(folder)
+    found.pop(MANIFEST, None)
+    if odd := sorted(dict(sealed.items() ^ found.items())):
+        message = (
+            f"{folder.name} has no zip and can't be given one: {odd[0]} is not what was sealed"
+            f"{f', nor are {len(odd) - 1} more' if len(odd) > 1 else ''}."
+        )
+        raise BundleError(message)
+    return pack(folder)
+
+
 def verifier_source() -> bytes:
     """Return the verifier that bundles carry, byte for byte."""
     return files("trigpoint_reporting").joinpath("verifier", "verify.py").read_bytes()
+
+
+def _is_issued(folder: Path) -> bool:
+    try:
+        results = json.loads((folder / "data" / "results.json").read_text("utf-8"))
+        return bool(results["project"]["status"] == "issued")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False  # no bundle: nothing of it can be finished
 
 
 def _pack_one(archive: zipfile.ZipFile, path: Path, name: str) -> None:
