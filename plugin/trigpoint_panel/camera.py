@@ -150,6 +150,11 @@ class Camera:
             parallel_scale=height / 2,
         )
 
+    def facing(self, face: Face, up: Position) -> Camera:
+        """Look at the focal point straight from one side of what stands upright, or from above."""
+        turned = camera_from(STANDS[face], up, np.asarray(self.focal_point), 1.0)
+        return replace(turned, parallel=self.parallel)
+
     def projected(self, parallel: bool) -> Camera:
         """Switch between parallel and perspective projection; the picture keeps its size."""
         if parallel == self.parallel:

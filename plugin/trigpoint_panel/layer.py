@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
+from trigpoint.cloud import PointCloud
 from trigpoint_panel.pace import STEPS
 
 Local = NDArray[np.float32]
@@ -130,6 +131,16 @@ class Layer:
                 actor.GetProperty().SetPointSize(size * wider)
                 actor.GetProperty().SetOpacity(self._opacity)
                 actor.SetUserMatrix(matrix)
+
+
+def localised(cloud: PointCloud) -> tuple[Local, NDArray[np.float64]]:
+    """Return a cloud's points about an origin in its middle, and that origin."""
+    middle = np.floor(cloud.xyz.mean(axis=0))
+    local = np.empty(cloud.xyz.shape, np.float32)
+    for axis in range(3):
+        # The difference in float64 first: at UTM coordinates float32 has steps of half a metre.
+        local[:, axis] = cloud.xyz[:, axis] - middle[axis]
+    return local, np.asarray(cloud.origin + middle, np.float64)
 
 
 def _part(points: Any, rows: NDArray[np.int32]) -> Any:

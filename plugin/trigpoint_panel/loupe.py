@@ -9,7 +9,9 @@ from qtpy import QtCore, QtGui, QtWidgets
 
 from trigpoint_panel.camera import Camera
 from trigpoint_panel.canvas import ImageCanvas
-from trigpoint_panel.scene import Scene, aim, eye_dome
+from trigpoint_panel.motion import eye_dome
+from trigpoint_panel.scene import Scene
+from trigpoint_panel.sight import aim
 
 ZOOM = 4
 SIDE = 200

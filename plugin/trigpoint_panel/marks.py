@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -19,6 +19,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkTextActor,
 )
 
+from trigpoint_panel.sight import Sight
 from trigpoint_reporting.style import BLUE, GREEN, GREY, ORANGE, PURPLE
 
 Position = tuple[float, float, float]
@@ -161,22 +162,12 @@ class Marks:
         if window is not None:
             window.RemoveRenderer(self._layer)
 
-    def arrange(
-        self,
-        is_ahead: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
-        pixels: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    ) -> None:
-        """Put each label where it covers no other, and hide those of places behind the camera.
-
-        Parameters
-        ----------
-        is_ahead, pixels : callable
-            Say of local places, shape (n, 3), which lie ahead, and where they are in the picture.
-        """
+    def arrange(self, seen: Sight) -> None:
+        """Put each label where it covers no other, and hide those of places behind the camera."""
         if not self._labels:
             return
         places = np.array([tag.place for tag in self._labels])
-        ahead, there = is_ahead(places), pixels(places)
+        ahead, there = seen.is_ahead(places), seen.project(places)
         taken: list[tuple[float, float, float, float]] = []
         # What is selected has the first choice.
         for k in sorted(range(len(places)), key=lambda k: not self._labels[k].selected):

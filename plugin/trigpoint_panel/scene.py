@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingOpenGL2 import vtkEDLShading, vtkRenderStepsPass
 
 from trigpoint.cloud import PointCloud
 from trigpoint.similarity import Points, Similarity
-from trigpoint_panel.camera import CORNER, STANDS, Camera, Face, Position, camera_from
+from trigpoint_panel.camera import CORNER, Camera, Face, Position, camera_from
 from trigpoint_panel.colouring import ColourMode, Colours, Legend, coloured, modes_of
+from trigpoint_panel.framing import extent_of, framed
 from trigpoint_panel.layer import Layer
 from trigpoint_panel.marks import Marker, Marks
-from trigpoint_panel.pace import FIRST, Pace
+from trigpoint_panel.motion import Motion
+from trigpoint_panel.overlay import Overlay
+from trigpoint_panel.pace import FIRST
+from trigpoint_panel.shown import Shown
+from trigpoint_panel.sight import Sight, aim, sight
 from trigpoint_reporting.elevations import LIMIT_M
 
-# Tails left out when a view is fitted to its cloud: a few flyers would push the camera far away.
-STRAY = 0.5
-# Points that stand for all of them where a view is fitted.
-SAMPLE = 50_000
-# Of a fitted picture, a little stays free around the cloud.
-MARGIN = 1.06
 # Width of the points in pixels; near to the cloud they grow up to GROWTH times, to stay a surface.
 POINT, GROWTH = 3.0, 3.0
 LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
-
-# Points looked at in one go while picking: what they need stays in the processor's cache.
-BLOCK = 2**17
-# How deep a picked surface may be, in tolerances: it may slope away by some 70 degrees.
-SLOPE = 3.0
 
 
 class Scene:
@@ -47,6 +38,19 @@ class Scene:
     ----------
     coarse : int
         Points of a cloud drawn while the view first moves; then the pictures' times tell.
+
+    Attributes
+    ----------
+    cloud : PointCloud or None
+    origin : ndarray of shape (3,)
+        What VTK counts about.
+    extent : float
+        Size of the cloud from corner to corner, strays left out.
+    point_size : float
+        Width of the points in pixels.
+    mode : str or None
+        What the cloud is coloured by.
+    legend : Legend or None
     """
 
     def __init__(self, *, coarse: int = FIRST) -> None:
@@ -54,27 +58,18 @@ class Scene:
         self.origin = np.zeros(3)
         self.mode: ColourMode | None = None
         self.legend: Legend | None = None
-        self._pace = Pace(coarse)
-        self._clock: list[int] = []
-        self._begun = 0.0
-        self._unit = "m"
-        self._local = np.empty((0, 3), np.float32)
-        self._extent = 1.0
-        self._columns = np.empty((3, 0), np.float32)
-        self._rows: NDArray[np.intp] | None = None
+        self.extent, self.point_size = 1.0, POINT
+        self._shown: Shown | None = None
         self._colours: Colours = np.empty((0, 3), np.uint8)
         self._distances: NDArray[np.float64] | None = None
-        self._limit = LIMIT_M
+        self._limit, self._unit = LIMIT_M, "m"
         self._layer: Layer | None = None
-        self._overlay: tuple[PointCloud, Layer, NDArray[np.float64]] | None = None
-        self._similarity: Similarity | None = None
-        self._opacity, self._shows_cloud, self._shows_overlay = 1.0, True, True
+        self._overlay = Overlay()
+        self._motion = Motion(self._layers, coarse)
         self._markers: tuple[Marker, ...] = ()
         self._marks: Marks | None = None
-        self._lighting: Any = None
         self._plotter: Any = None
-        self._ratio, self._size, self._drawn = 1.0, POINT, POINT
-        self._eye_dome, self._dark, self._moving = True, False, False
+        self._ratio, self._drawn, self._dark = 1.0, POINT, False
         self._up: Position = (0.0, 0.0, 1.0)
         self._camera = camera_from(CORNER, self._up, np.zeros(3), 1.0)
 
@@ -86,16 +81,10 @@ class Scene:
         self._plotter, self._ratio = plotter, ratio
         plotter.suppress_rendering = True
         self._marks = Marks(self.renderer, ratio)
-        self._lighting = eye_dome()
-        window = plotter.render_window
-        self._clock = [
-            window.AddObserver("StartEvent", self._begin),
-            window.AddObserver("EndEvent", self._end),
-        ]
         for layer in self._layers():
             layer.show_in(self.renderer)
-        self.set_point_size(self._size)
-        self.set_eye_dome(self._eye_dome)
+        self._motion.attach(self.renderer)
+        self.set_point_size(self.point_size)
         self.set_dark(self._dark)
         self._draw_markers()
         self._aim()
@@ -104,11 +93,7 @@ class Scene:
         """Let go of the plotter; what is shown is remembered."""
         if self._plotter is None:
             return
-        window = self._plotter.render_window
-        for observer in self._clock:
-            window.RemoveObserver(observer)
-        self.renderer.SetPass(None)
-        self._lighting.ReleaseGraphicsResources(window)
+        self._motion.detach()
         if self._marks is not None:
             self._marks.close()
         for layer in self._layers():
@@ -129,8 +114,17 @@ class Scene:
         return max(1, width), max(1, height)
 
     def _layers(self) -> list[Layer]:
-        overlay = [self._overlay[1]] if self._overlay is not None else []
-        return [*([self._layer] if self._layer is not None else []), *overlay]
+        return [layer for layer in (self._layer, self._overlay.layer) if layer is not None]
+
+    def _enter(self, layer: Layer | None) -> None:
+        self._motion.apply()
+        self._resize_points()
+        if layer is not None and self._plotter is not None:
+            layer.show_in(self.renderer)
+
+    def _leave(self, layer: Layer | None) -> None:
+        if layer is not None and self._plotter is not None:
+            layer.leave(self.renderer)
 
     def add_renderer(self, renderer: Any, *, wider: float = 1.0) -> None:
         """Let another renderer draw the clouds too, with wider points and without markers."""
@@ -146,19 +140,15 @@ class Scene:
 
     def show(self, cloud: PointCloud | None, *, unit: str = "m") -> None:
         """Show a cloud in place of the one before, in its most telling colours; look at it all."""
-        self.cloud, self._unit, self._rows, self._distances = cloud, unit, None, None
+        self.cloud, self._unit, self._distances = cloud, unit, None
         self.mode, self.legend = None, None
         if cloud is None or not len(cloud):
-            self.cloud = None
-            self._local = np.empty((0, 3), np.float32)
+            self.cloud = self._shown = None
             self._draw_layer()
             return
-        middle = np.floor(cloud.xyz.mean(axis=0))
-        self.origin = cloud.origin + middle
-        self._local = _about(cloud.xyz, middle)
-        sample = self._local[:: max(1, len(self._local) // SAMPLE)]
-        low, high = np.percentile(sample, [STRAY, 100 - STRAY], axis=0)
-        self._extent = max(float(np.linalg.norm(high - low)), 1e-9)
+        self._shown = Shown(cloud)
+        self.origin = self._shown.origin
+        self.extent = extent_of(self._shown.local)
         self._paint(modes_of(cloud)[0])
         self._draw_layer()
         self._place_overlay()
@@ -176,8 +166,8 @@ class Scene:
         """Colour the cloud by something it has."""
         if mode in self.modes:
             self._paint(mode)
-            if self._layer is not None:
-                self._layer.recolour(self._shown(self._colours))
+            if self._layer is not None and self._shown is not None:
+                self._layer.recolour(self._shown.of(self._colours))
 
     def set_distances(
         self, distances: NDArray[np.float64] | None, *, limit: float = LIMIT_M
@@ -193,154 +183,98 @@ class Scene:
 
     def isolate(self, mask: NDArray[np.bool_] | None) -> None:
         """Show only some of the points; None shows all."""
-        self._rows = None if mask is None else np.flatnonzero(mask)
-        if self.cloud is not None:
+        if self._shown is not None:
+            self._shown.isolate(mask)
             self._draw_layer()
 
     def coordinates(self, row: int) -> NDArray[np.float64]:
         """Return the absolute coordinates of a point, as precise as they were read."""
-        assert self.cloud is not None
-        return np.asarray(self.cloud.xyz[row] + self.cloud.origin, np.float64)
+        assert self._shown is not None
+        return self._shown.coordinates(row)
 
     def around(self, row: int, radius: float) -> Points:
         """Return the absolute coordinates of the shown points in a box about a point."""
-        assert self.cloud is not None
-        rows = self._boxed(self._local[row], radius)
-        return np.asarray(self.cloud.xyz[rows] + self.cloud.origin, np.float64)
-
-    def _boxed(self, centre: NDArray[np.float32], radius: float) -> NDArray[np.intp]:
-        x, y, z = self._columns
-        rows: NDArray[np.intp] = np.flatnonzero(np.abs(x - centre[0]) <= radius)
-        rows = rows[np.abs(y[rows] - centre[1]) <= radius]
-        rows = rows[np.abs(z[rows] - centre[2]) <= radius]
-        return rows if self._rows is None else self._rows[rows]
+        assert self._shown is not None
+        return self._shown.around(row, radius)
 
     def _paint(self, mode: ColourMode) -> None:
         assert self.cloud is not None
-        up = np.asarray(self._up, np.float64)
+        up, limit = np.asarray(self._up, np.float64), self._limit
         self._colours, self.legend = coloured(
-            self.cloud,
-            mode,
-            up=up,
-            distances=self._distances,
-            limit=self._limit,
-            unit=self._unit,
+            self.cloud, mode, up=up, distances=self._distances, limit=limit, unit=self._unit
         )
         self.mode = mode
 
-    def _shown(self, values: NDArray[Any]) -> NDArray[Any]:
-        return values if self._rows is None else values[self._rows]
-
-    def _drop_layer(self) -> None:
-        if self._layer is not None and self._plotter is not None:
-            self._layer.leave(self.renderer)
-        self._layer = None
-
     def _draw_layer(self) -> None:
-        self._drop_layer()
-        shown = self._shown(self._local)
-        # By axes: picking asks each for itself, and finds its numbers side by side.
-        self._columns = np.ascontiguousarray(shown.T)
-        if len(shown):
-            self._layer = Layer(shown, self._shown(self._colours))
-            self._layer.draw_at_most(self._share)
-            self._layer.set_visible(self._shows_cloud)
-            if self._plotter is not None:
-                self._layer.show_in(self.renderer)
-            self._resize_points()
+        self._leave(self._layer)
+        self._layer = None
+        if self._shown is not None and len(self._shown.local):
+            self._layer = Layer(self._shown.local, self._shown.of(self._colours))
+            self._layer.set_visible(self._overlay.shows_own)
+            self._enter(self._layer)
 
     # The overlay
 
     @property
     def has_overlay(self) -> bool:
         """Whether another cloud is shown too."""
-        return self._overlay is not None
+        return self._overlay.cloud is not None
 
     def set_overlay(self, cloud: PointCloud | None, similarity: Similarity | None = None) -> None:
         """Show another cloud too, carried through `similarity` into this frame; None removes it.
 
         The cloud is uploaded once; another similarity only moves it.
         """
-        self._similarity = similarity
-        if self._overlay is not None and self._overlay[0] is not cloud:
-            if self._plotter is not None:
-                self._overlay[1].leave(self.renderer)
-            self._overlay = None
-            self._shows_cloud = self._shows_overlay = True
-        if cloud is not None and self._overlay is None:
-            middle = np.floor(cloud.xyz.mean(axis=0))
-            colours, _ = coloured(cloud, modes_of(cloud)[0], up=np.array([0.0, 0.0, 1.0]))
-            layer = Layer(_about(cloud.xyz, middle), colours)
-            layer.draw_at_most(self._share)
-            self._overlay = cloud, layer, cloud.origin + middle
-            self._resize_points()
-            if self._plotter is not None:
-                layer.show_in(self.renderer)
+        self._overlay.similarity = similarity
+        if cloud is not self._overlay.cloud:
+            self._leave(self._overlay.layer)
+            self._overlay.carry(cloud)
+            self._enter(self._overlay.layer)
         self._place_overlay()
 
     def set_overlay_opacity(self, opacity: float) -> None:
         """Show the overlay from 0 (not at all) to 1 (fully)."""
-        self._opacity = min(max(opacity, 0.0), 1.0)
+        self._overlay.opacity = min(max(opacity, 0.0), 1.0)
         self._place_overlay()
 
     @property
     def shows_cloud(self) -> bool:
         """Whether the cloud itself is shown, and not only the overlay."""
-        return self._shows_cloud
+        return self._overlay.shows_own
 
     def swap(self) -> str:
         """Show only the cloud, then only the overlay, then both again; say which: A, B, or A+B."""
-        order = {(True, True): (True, False), (True, False): (False, True)}
-        if self._overlay is not None:
-            now = self._shows_cloud, self._shows_overlay
-            self._shows_cloud, self._shows_overlay = order.get(now, (True, True))
+        state = self._overlay.swap()
         self._place_overlay()
-        return {(True, False): "A", (False, True): "B"}.get(
-            (self._shows_cloud, self._shows_overlay), "A+B"
-        )
+        return state
 
     def _place_overlay(self) -> None:
         if self._layer is not None:
-            self._layer.set_visible(self._shows_cloud)
-        if self._overlay is None:
-            return
-        _, layer, origin = self._overlay
-        similarity = self._similarity or Similarity(1.0, np.eye(3), np.zeros(3))
-        matrix = np.eye(4)
-        matrix[:3, :3] = similarity.scale * similarity.rotation
-        # Between the two origins, so that nothing large is left for float32.
-        matrix[:3, 3] = similarity(origin[None, :])[0] - self.origin
-        layer.set_matrix(matrix)
-        layer.set_opacity(self._opacity if self._shows_cloud else 1.0)
-        layer.set_visible(self._shows_overlay)
+            self._layer.set_visible(self._overlay.shows_own)
+        self._overlay.place(self.origin)
 
     # How it looks
 
     def set_point_size(self, pixels: float) -> None:
         """Set the width of the points in pixels."""
-        self._size = pixels
+        self.point_size = pixels
         self._resize_points()
 
     def _resize_points(self) -> None:
-        share = self._extent / max(self._camera.height, 1e-12)
-        self._drawn = self._size * self._ratio * min(max(share, 1.0) ** 0.5, GROWTH)
+        share = self.extent / max(self._camera.height, 1e-12)
+        self._drawn = self.point_size * self._ratio * min(max(share, 1.0) ** 0.5, GROWTH)
         for layer in self._layers():
             layer.set_size(self._drawn)
 
-    @property
-    def point_size(self) -> float:
-        """Width of the points in pixels."""
-        return self._size
-
     def set_eye_dome(self, on: bool) -> None:
         """Darken the edges in depth, or do not."""
-        self._eye_dome = on
-        self._thin()
+        self._motion.eye_dome = on
+        self._motion.apply()
 
     @property
     def eye_dome(self) -> bool:
         """Whether edges in depth are darkened."""
-        return self._eye_dome
+        return self._motion.eye_dome
 
     def set_dark(self, dark: bool) -> None:
         """Choose a dark or a light background."""
@@ -355,44 +289,12 @@ class Scene:
 
     def set_moving(self, moving: bool) -> None:
         """Draw while the view moves what there is time for, and everything when it rests."""
-        if moving != self._moving:
-            self._moving = moving
-            if not moving:
-                self._pace.rested()
-            self._thin()
+        self._motion.set_moving(moving)
 
     @property
     def is_thinned(self) -> bool:
         """Whether less is drawn than there is, since the view moves."""
-        return self._is_unlit or any(layer.is_thinned for layer in self._layers())
-
-    @property
-    def _share(self) -> int | None:
-        return self._pace.count if self._moving else None
-
-    @property
-    def _is_unlit(self) -> bool:
-        return self._eye_dome and self._moving and not self._pace.is_lit
-
-    def _thin(self) -> None:
-        for layer in self._layers():
-            layer.draw_at_most(self._share)
-        if self._plotter is not None:
-            lit = self._eye_dome and not self._is_unlit
-            self.renderer.SetPass(self._lighting if lit else None)
-
-    def _begin(self, *_: object) -> None:
-        self._begun = perf_counter()
-
-    def _end(self, window: Any, _: object) -> None:
-        layers = self._layers()
-        if not self._moving or not layers:
-            return
-        # A graphics card may not even have begun.
-        window.WaitForCompletion()
-        took = perf_counter() - self._begun
-        if self._pace.took(took, max(layer.drawn for layer in layers)):
-            self._thin()
+        return self._motion.is_thinned
 
     def set_markers(self, markers: Sequence[Marker]) -> None:
         """Show these markers in place of those before."""
@@ -402,7 +304,7 @@ class Scene:
     def _draw_markers(self) -> None:
         if self._marks is not None:
             self._marks.draw(self._markers, self.origin)
-            self._marks.arrange(self._is_ahead, self._project)
+            self._marks.arrange(self._sight())
 
     # The camera
 
@@ -438,46 +340,17 @@ class Scene:
         if self.mode == "height":
             self.colour_by("height")
 
-    @property
-    def extent(self) -> float:
-        """Size of the cloud from corner to corner, strays left out."""
-        return self._extent
-
     def look(self, face: Face) -> None:
         """Look at the whole cloud straight from one side, or from above."""
-        parallel = self._camera.parallel
-        turned = camera_from(STANDS[face], self._up, np.asarray(self._camera.focal_point), 1.0)
-        self._camera = replace(turned, parallel=parallel)
+        self._camera = self._camera.facing(face, self._up)
         self.fit()
 
     def fit(self) -> None:
         """Look at the whole cloud from where the camera is turned to; strays are left out."""
-        if self.cloud is None:
-            return
-        sample = self._shown(self._local)
-        sample = sample[:: max(1, len(sample) // SAMPLE)].astype(np.float64)
-        if not len(sample):
-            return
-        camera, (width, height) = self._camera, self.size
-        if not camera.is_sound:
-            camera = camera_from(CORNER, self._up, self.origin, 1.0)
-        ahead = np.subtract(camera.focal_point, camera.position)
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, camera.up)
-        right /= np.linalg.norm(right)
-        axes = np.array([right, np.cross(right, ahead), ahead])
-        along = sample @ axes.T
-        low, high = np.percentile(along, [STRAY, 100 - STRAY], axis=0)
-        reach = 0.2 * (high - low) + 1e-9
-        along = along[((along >= low - reach) & (along <= high + reach)).all(axis=1)]
-        middle = (along.min(axis=0) + along.max(axis=0)) / 2
-        wide, tall, deep = (along - middle).T
-        half = np.maximum(np.abs(tall), np.abs(wide) * height / width)
-        if not camera.parallel:
-            # What is nearer than the middle looks larger.
-            half = half - deep * np.tan(np.radians(camera.view_angle / 2))
-        needed = 2 * MARGIN * max(float(half.max()), 1e-6)
-        self.camera = camera.looking_at(self.origin + middle @ axes, needed)
+        if self._shown is not None and len(self._shown.local):
+            if not self._camera.is_sound:
+                self._camera = camera_from(CORNER, self._up, self.origin, 1.0)
+            self.camera = framed(self._camera, self._shown.local, self.origin, self.size)
 
     def resized(self) -> None:
         """Arrange the labels anew, for a picture of another size."""
@@ -486,27 +359,16 @@ class Scene:
     def _aim(self) -> None:
         if self._plotter is None:
             return
-        camera, ours = self.renderer.GetActiveCamera(), self._camera
-        aim(camera, ours, self.origin)
+        aim(self.renderer.GetActiveCamera(), self._camera, self.origin)
         self._resize_points()
         self.renderer.ResetCameraClippingRange()
         if self._marks is not None:
-            self._marks.arrange(self._is_ahead, self._project)
-
-    def _is_ahead(self, local: NDArray[np.float64]) -> NDArray[np.bool_]:
-        position = np.subtract(self._camera.position, self.origin)
-        ahead = np.subtract(self._camera.focal_point, self._camera.position)
-        return np.asarray((local - position) @ ahead > 0)
+            self._marks.arrange(self._sight())
 
     # Pixels
 
     def pick_at(self, x: float, y: float, *, tolerance: float = 5.0) -> int | None:
         """Return the row of the point seen at a place of the picture.
-
-        That is the front-most point whose square covers the place; beside all squares, the
-        front-most within the tolerance. On its surface the point nearest to the cursor is taken.
-        VTK's point picker takes the point nearest to the ray however deep it lies, and so picks
-        through walls. This needs no rendered frame and no OpenGL.
 
         Parameters
         ----------
@@ -515,97 +377,23 @@ class Scene:
         tolerance : float
             Pixels, scaled as the picture is.
         """
-        if self.cloud is None or self._plotter is None or not self._shows_cloud:
+        if self._shown is None or self._plotter is None or not self._overlay.shows_own:
             return None
         reach = tolerance * self._ratio
-        rows = self._near_ray(x, y, reach)
-        local = self._columns[:, rows].T.astype(np.float64)
-        aside = np.abs(self._project(local) - [x, y])
-        away = np.hypot(*aside.T)
-        near = away <= reach
-        rows, local, aside, away = rows[near], local[near], aside[near], away[near]
-        if not len(rows):
-            return None
-        ahead = np.subtract(self._camera.focal_point, self._camera.position)
-        deep = (local + self.origin - self._camera.position) @ (ahead / np.linalg.norm(ahead))
-        covers = aside.max(axis=1) <= self._drawn / 2
-        front = float(deep[covers].min() if covers.any() else deep.min())
-        behind = SLOPE * reach * self._pixel(front)
-        surface = np.flatnonzero((deep >= front) & (deep <= front + behind))
-        row = int(rows[surface[np.argmin(away[surface])]])
-        return row if self._rows is None else int(self._rows[row])
-
-    def _near_ray(self, x: float, y: float, reach: float) -> NDArray[np.intp]:
-        """Find the shown points that may lie within some pixels of a place of the picture."""
-        width, height = self.size
-        across, upward, weight = self._projection()[[0, 1, 3]]
-        # Pixels are ratios of two of these; what is behind the camera has a negative weight.
-        across = across - (2 * x / width - 1) * weight
-        upward = upward - (2 * y / height - 1) * weight
-        # A pixel more, for the rounding of float32.
-        wide, tall = 2 * (reach + 1) / width, 2 * (reach + 1) / height
-        lines = np.array([across, upward, weight])
-        turn, shift = lines[:, :3].astype(np.float32), lines[:, 3:].astype(np.float32)
-        found = []
-        for start in range(0, self._columns.shape[1], BLOCK):
-            block = self._columns[:, start : start + BLOCK]
-            u, w = turn[[0, 2]] @ block + shift[[0, 2]]
-            rows = np.flatnonzero(np.abs(u) <= wide * w)
-            v = turn[1] @ block[:, rows] + shift[1]
-            found.append(start + rows[np.abs(v) <= tall * w[rows]])
-        return np.concatenate(found)
+        row = self._sight().pick(self._shown.columns, x, y, reach=reach, width=self._drawn)
+        return None if row is None else self._shown.row(row)
 
     def project(self, xyz: Position | NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where absolute places, shape (3,) or (n, 3), are in the picture: device pixels."""
         places = np.asarray(xyz, np.float64)
-        pixels = self._project(np.atleast_2d(places) - self.origin)
+        pixels = self._sight().project(np.atleast_2d(places) - self.origin)
         return pixels if places.ndim == 2 else pixels[0]
 
     def pixel_at(self, row: int) -> float:
         """Return the size of a pixel, scaled as the picture is, at a point: in its units."""
-        camera = self._camera
-        ahead = np.subtract(camera.focal_point, camera.position) / camera.distance
-        deep = float((self.coordinates(row) - camera.position) @ ahead)
-        return self._pixel(deep) * self._ratio
+        seen = self._sight()
+        deep = float(seen.depth((self.coordinates(row) - self.origin)[None])[0])
+        return seen.pixel(deep) * self._ratio
 
-    def _pixel(self, deep: float) -> float:
-        """Return the size of a device pixel so far ahead of the camera, in the cloud's units."""
-        size = self._camera.height / self.size[1]
-        return size if self._camera.parallel else size * max(deep, 1e-9) / self._camera.distance
-
-    def _projection(self) -> NDArray[np.float64]:
-        """Return the 4x4 matrix from local coordinates to the picture, from -1 to 1."""
-        width, height = self.size
-        camera = self.renderer.GetActiveCamera()
-        matrix = camera.GetCompositeProjectionTransformMatrix(width / height, -1, 1)
-        return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-
-    def _project(self, local: NDArray[Any]) -> NDArray[np.float64]:
-        ends = np.column_stack([local, np.ones(len(local))]) @ self._projection().T
-        pixels = ends[:, :2] / ends[:, 3:]
-        return np.asarray((pixels + 1) / 2 * self.size, np.float64)
-
-
-def eye_dome() -> Any:
-    """Return a render pass that darkens the edges in depth."""
-    lighting = vtkEDLShading()
-    lighting.SetDelegatePass(vtkRenderStepsPass())
-    return lighting
-
-
-def aim(vtk_camera: Any, camera: Camera, origin: NDArray[np.float64]) -> None:
-    """Set one of VTK's cameras, which counts about an origin."""
-    vtk_camera.SetParallelProjection(camera.parallel)
-    vtk_camera.SetViewAngle(camera.view_angle)
-    vtk_camera.SetParallelScale(camera.parallel_scale)
-    vtk_camera.SetFocalPoint(*np.subtract(camera.focal_point, origin))
-    vtk_camera.SetPosition(*np.subtract(camera.position, origin))
-    vtk_camera.SetViewUp(*camera.up)
-
-
-def _about(xyz: Points, middle: NDArray[np.float64]) -> NDArray[np.float32]:
-    local = np.empty(xyz.shape, np.float32)
-    for axis in range(3):
-        # The difference in float64 first: at UTM coordinates float32 has steps of half a metre.
-        local[:, axis] = xyz[:, axis] - middle[axis]
-    return local
+    def _sight(self) -> Sight:
+        return sight(self.renderer.GetActiveCamera(), self._camera, self.origin, self.size)

@@ -128,8 +128,8 @@ def test_a_pick_is_as_precise_as_the_file(scene, opened_tower):
     row = scene.pick_at(200, 120)
     assert (scene.coordinates(row) == cloud.coordinates[row]).all()
     # What VTK draws is float32 about an origin nearby, not at UTM.
-    assert np.abs(scene._local).max() < 30
-    drawn = scene._local.astype(np.float64) + scene.origin
+    assert np.abs(scene._shown.local).max() < 30
+    drawn = scene._shown.local.astype(np.float64) + scene.origin
     assert np.abs(drawn - cloud.coordinates).max() < 2e-6
 
 
@@ -148,8 +148,8 @@ def test_a_slow_machine_gets_less_while_the_view_moves_and_the_same_picture_afte
     shot(plotter)
     assert scene._layer.drawn == FEWEST
     lit = shot(plotter)
-    scene._pace.is_lit = False
-    scene._thin()
+    scene._motion.pace.is_lit = False
+    scene._motion.apply()
     assert shot(plotter).mean() > lit.mean()
     scene.set_moving(False)
     assert not scene.is_thinned

@@ -274,12 +274,14 @@ def test_what_a_movement_draws_follows_how_long_its_pictures_take(
 ):
     view = shown(opened=opened_tower(60_000))
     told = []
-    monkeypatch.setattr(view.scene._pace, "took", lambda *taken: told.append(taken) and False)
+    monkeypatch.setattr(
+        view.scene._motion.pace, "took", lambda *taken: told.append(taken) and False
+    )
     drag(qtbot, view, 60, 20)
     qtbot.waitUntil(lambda: bool(told))
     seconds, drawn = told[0]
     assert 0 < seconds < 10
-    assert drawn == view.scene._pace.count < 60_000
+    assert drawn == view.scene._motion.pace.count < 60_000
     rest(qtbot, view)
     told.clear()
     view.refresh()
