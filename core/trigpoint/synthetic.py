@@ -147,7 +147,7 @@ def write_project(folder: str | Path, scene: Scene) -> Path:
     write_picks(folder / "picks.csv", scene.picks)
     write_text(folder / "truth.json", _truth_json(scene.truth))
     project = folder / "project.toml"
-    write_text(project, project_text(PROJECT))
+    write_text(project, project_text(PROJECT) + LIMITS)
     return project
 
 
@@ -155,6 +155,9 @@ PROJECT = {
     'id = "my-building"': 'id = "tower"',
     'title = ""': 'title = "Clock tower"',
     'site = ""': 'site = "A simulated campus in EPSG:32615"',
+    'client = ""': 'client = "Example Heritage Trust"',
+    'surveyor = ""': 'surveyor = "Example Surveys"',
+    'limitations = ""': 'limitations = "Simulated: no place, sensor or person is behind it."',
     'purpose = ""': 'purpose = "Demonstration on simulated data whose truth is known"',
     "# date = 2026-09-21": "date = 2026-09-21",
     'path = "reference.laz"': 'path = "lidar.laz"',
@@ -166,6 +169,33 @@ PROJECT = {
     '# kind = "photogrammetry"': 'kind = "photogrammetry"',
     '# path = "sfm.laz"': 'path = "sfm.laz"',
 }
+
+# What a client may ask for; nothing else in trigpoint states a limit.
+LIMITS = """
+[[limit]]
+quantity = "loocv.rmse_m"
+of = "nerf"
+max = 0.30
+source = "example brief, 4.1"
+
+[[limit]]
+quantity = "checks.rmse_m"
+of = "nerf"
+max = 0.25
+source = "example brief, 4.2"
+
+[[limit]]
+quantity = "comparison.delivered.completeness.all.within[0.10].pct"
+of = "nerf"
+min = 80
+source = "example brief, 5.1"
+
+[[limit]]
+quantity = "comparison.delivered.completeness.all.within[0.10].pct"
+of = "sfm"
+min = 75
+source = "example brief, 5.1"
+"""
 
 
 def _truth(seed: int) -> Similarity:
