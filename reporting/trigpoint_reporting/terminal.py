@@ -13,7 +13,7 @@ from rich.text import Text
 # Wider than any table: what one needs is measured on it.
 UNBOUNDED = 100_000
 # Of the width, the column that names the rows takes so much at most.
-NAMES = 1 / 3
+NAMES = 0.4
 # Narrower than this, beside names and values, remarks are not worth reading.
 REMARK = 36
 
