@@ -51,7 +51,7 @@ LARGEST = 25 * 1024 * 1024
 NEVER = ("__pycache__", ".git", "__MACOSX")
 FLAGGED = (".so", ".dll", ".dylib", ".exe", ".bat", ".sh", ".ps1", ".cmd", ".pyc", ".pyd")
 # Addresses that stand for those of a project that has no home yet.
-PLACEHOLDER = re.compile(r"example\.(org|com)|\.example\b")
+PLACEHOLDER = re.compile(r"\bexample\.(org|com|net)\b|\.(example|invalid|test)\b")
 
 
 def main(arguments: list[str] | None = None) -> int:

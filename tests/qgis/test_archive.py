@@ -114,7 +114,7 @@ def test_metadata_without_a_required_key_is_refused(altered, key):
         ("description=<b>bold</b>", "plain text"),
         ("author=A/B", "slash"),
         ("supportsQt6=True\nname=T", "supportsQt6"),
-        ("tracker=http://example.org", "https"),
+        ("tracker=http://trigpoint.invalid", "https"),
         ("icon=none.svg", "icon"),
         ("qgisMinimumVersion=three", "qgisMinimumVersion"),
     ],
