@@ -30,8 +30,13 @@ def interpreter(environment: deps.Environment | None = None) -> tuple[str, ...]:
         If there is no interpreter.
     """
     environment = environment or deps.attached()
-    python = environment.python if environment is not None else None
-    return (str(python or child.base_python()), str(deps.HERE / "beside.py"))
+    start = str(deps.HERE / "beside.py")
+    if environment is None:
+        return (str(child.base_python()), start)
+    if environment.python is None:
+        # A bare folder of packages, which no interpreter knows of by itself.
+        return (str(child.base_python()), start, "--packages", str(environment.packages))
+    return (str(environment.python), start)
 
 
 def run_audit(

@@ -1,4 +1,8 @@
-"""Starts one of trigpoint's modules in another interpreter: ``beside.py -m MODULE ARGUMENT...``.
+"""Starts one of trigpoint's modules in another interpreter.
+
+::
+
+    beside.py [--packages FOLDER] -m MODULE ARGUMENT...
 
 Run as a program by the environment's own Python, where the plugin's packages are not on the path.
 """
@@ -14,12 +18,15 @@ from pathlib import Path
 
 def main(arguments: list[str]) -> None:
     """Run a module, or code, as ``python -m`` and ``python -c`` do."""
+    folders = [str(Path(__file__).resolve().parent / "_vendor")]
+    if arguments[0] == "--packages":
+        folders.append(arguments[1])
+        arguments = arguments[2:]
     how, what, *rest = arguments
-    vendor = Path(__file__).resolve().parent / "_vendor"
     # In place of this folder, whose modules are the plugin's.
-    sys.path[0] = str(vendor)
+    sys.path[:1] = folders
     # A report runs its notebook in a process of its own, which needs them too.
-    os.environ["PYTHONPATH"] = str(vendor)
+    os.environ["PYTHONPATH"] = os.pathsep.join(folders)
     # Debian's own Matplotlib leaves a part of itself in the way of a newer one; nothing needs it.
     warnings.filterwarnings("ignore", message="Unable to import Axes3D")
     sys.argv = [what, *rest]

@@ -11,7 +11,7 @@ from qgis.PyQt.QtGui import QFontDatabase
 from qgis.PyQt.QtWidgets import (
     QFileDialog,
     QFrame,
-    QHBoxLayout,
+    QGridLayout,
     QLabel,
     QPlainTextEdit,
     QPushButton,
@@ -47,6 +47,7 @@ class DependencyCard(QScrollArea):
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self._changed = changed
+        self._lacks = lacks
         self._task: InstallTask | None = None
         inside = QWidget(self)
         self.setWidget(inside)
@@ -69,18 +70,23 @@ class DependencyCard(QScrollArea):
         self.choose = self._button(self._tr("Choose folder…"), self.choose_folder)
         self.copy = self._button(self._tr("Copy commands"), self.copy_commands)
         self.cancel = self._button(self._tr("Cancel"), self.stop)
-        self.install.setToolTip(
-            self._tr("Download {size} into {folder}").format(size=deps.SIZE, folder=self._folder())
-        )
-        self.choose.setToolTip(self._tr("A virtual environment or folder that has them already"))
-        self.copy.setToolTip(self._tr("To run them yourself, in a terminal"))
-        row = QHBoxLayout()
-        for button in (self.install, self.choose, self.copy, self.cancel):
-            row.addWidget(button)
-        row.addStretch(1)
-        column.addLayout(row)
-        self.cancel.hide()
-        self.install.setVisible(bool(lacks))
+        into = self._tr("Makes an environment in your profile, {folder}. Takes some minutes.")
+        self._ways = QGridLayout()
+        self._ways.setHorizontalSpacing(12)
+        self._ways.setColumnStretch(1, 1)
+        for button, about in (
+            (self.install, into.format(folder=self._folder())),
+            (
+                self.choose,
+                self._tr("Takes an environment, or a folder of packages, that is there."),
+            ),
+            (self.copy, self._tr("For a terminal: the two commands that Install… would run.")),
+            (self.cancel, self._tr("Removes what was made so far.")),
+        ):
+            self._add_way(button, about)
+        column.addLayout(self._ways)
+        self._offer(self.cancel, yes=False)
+        self._offer(self.install, yes=bool(lacks))
 
         self.log = QPlainTextEdit(inside)
         self.log.setReadOnly(True)
@@ -89,6 +95,11 @@ class DependencyCard(QScrollArea):
         self.log.hide()
         column.addWidget(self.log, 1)
         column.addStretch(0)
+
+    @property
+    def waits(self) -> bool:
+        """Whether packages are missing and nothing is being installed here."""
+        return bool(self._lacks) and self._task is None
 
     def start(self) -> None:
         """Install the packages; the log shows how far it is."""
@@ -131,7 +142,7 @@ class DependencyCard(QScrollArea):
             python = "python3"
         every = installer.commands(self._folder(), python, deps.REQUIREMENTS)
         QgsApplication.clipboard().setText(installer.as_text(every))
-        self._say(self._tr("Copied. When they have run, restart QGIS."))
+        self._say(self._tr("Copied. When they have run, close this panel and open it again."))
 
     def shutdown(self) -> None:
         """End an installation that runs."""
@@ -155,20 +166,33 @@ class DependencyCard(QScrollArea):
     def _running(self, yes: bool) -> None:
         for button in (self.install, self.choose, self.copy):
             button.setEnabled(not yes)
-        self.cancel.setVisible(yes)
+        self._offer(self.cancel, yes=yes)
 
     def _say(self, text: str) -> None:
         self.fault.setText(text)
         self.fault.show()
 
     def _explained(self, lacks: tuple[deps.Lack, ...]) -> str:
-        named = "\n".join(f"•  {lack}" for lack in lacks)
         return self._tr(
             "The panel shows point clouds with VTK and reads them with packages that QGIS does not "
-            "bring:\n\n{named}\n\nThey go into a folder of their own ({size}) and come after "
-            "QGIS's own packages, never before: no other plugin notices. QGIS need not be "
-            "restarted."
-        ).format(named=named, size=deps.SIZE)
+            "bring.\n\n{named}\n\nWith what reports need they take {size}. They go into a folder "
+            "of their own and come after QGIS's own packages, never before: no other plugin "
+            "notices. QGIS need not be restarted."
+        ).format(named=deps.listed(lacks), size=deps.SIZE)
+
+    def _add_way(self, button: QPushButton, about: str) -> None:
+        row = self._ways.rowCount()
+        label = QLabel(about, self.widget())
+        label.setWordWrap(True)
+        label.setBuddy(button)
+        self._ways.addWidget(button, row, 0)
+        self._ways.addWidget(label, row, 1)
+
+    def _offer(self, button: QPushButton, *, yes: bool) -> None:
+        """Show a way out with what is said of it, or neither."""
+        row = self._ways.getItemPosition(self._ways.indexOf(button))[0]
+        for side in (0, 1):
+            self._ways.itemAtPosition(row, side).widget().setVisible(yes)
 
     def _paragraph(self, text: str, column: QVBoxLayout) -> QLabel:
         label = QLabel(text, self.widget())

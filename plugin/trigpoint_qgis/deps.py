@@ -30,8 +30,26 @@ ENGINE = {
     "plyfile": "1.0",
     "pykdtree": "1.4",
 }
-VIEWS = {"vtk": "9.4.2", "pyvista": "0.44", "pyvistaqt": "0.11", "qtpy": "2.3"}
+VIEWS = {"vtk": "9.4.2", "pyvista": "0.44", "pyvistaqt": "0.13", "qtpy": "2.4"}
 PANEL = ENGINE | VIEWS
+REPORT = ENGINE | {
+    "typer": "0.20",
+    "rich": "13",
+    "pyogrio": "0.8",
+    "ipykernel": "6.29",
+    "jinja2": "3.1",
+    "jupyter-client": "8",
+    "matplotlib": "3.8",
+    "mistune": "3",
+    "nbclient": "0.10",
+    "nbconvert": "7.16",
+    "nbformat": "5.10",
+    "packaging": "23",
+    "pillow": "10",
+    "pyvista": "0.44",
+    "traitlets": "5.14",
+    "weasyprint": "70",
+}
 # What the least version is for, where it is not just what was tested.
 REASONS = {"vtk": "an older one crashes QGIS when it quits"}
 # They bring GEOS, GDAL and PROJ.
@@ -85,10 +103,18 @@ class Environment:
     python: Path | None
 
 
-def lacking(packages: dict[str, str]) -> tuple[Lack, ...]:
-    """Say which packages are missing or too old; nothing is imported."""
+def lacking(packages: dict[str, str], first: Environment | None = None) -> tuple[Lack, ...]:
+    """Say which packages are missing or too old; nothing is imported.
+
+    Parameters
+    ----------
+    packages : dict of str to str
+        The least version of each.
+    first : Environment, optional
+        Asked before QGIS's own, as its own interpreter does.
+    """
     invalidate_caches()
-    found = ((name, least, _version(name)) for name, least in packages.items())
+    found = ((name, least, _version(name, first)) for name, least in packages.items())
     return tuple(
         Lack(name, least, version)
         for name, least, version in found
@@ -96,13 +122,21 @@ def lacking(packages: dict[str, str]) -> tuple[Lack, ...]:
     )
 
 
+def listed(lacks: Iterable[Lack]) -> str:
+    """Name what is missing, and what is too old with the reason; a line each."""
+    every = tuple(lacks)
+    missing = ", ".join(lack.name for lack in every if lack.found is None)
+    old = [f"{lack}." for lack in every if lack.found is not None]
+    return "\n".join([f"Missing: {missing}."] * bool(missing) + old)
+
+
 def explain(lacks: Iterable[Lack]) -> str:
-    """Put what is missing and what to do about it in two sentences; empty if nothing is."""
-    said = [str(lack) for lack in lacks]
+    """Put what is missing and what to do about it in some sentences; empty if nothing is."""
+    said = listed(lacks).replace("\n", " ")
     if not said:
         return ""
     return (
-        f"Trigpoint needs Python packages that QGIS does not bring: {'; '.join(said)}. Open "
+        f"Trigpoint needs Python packages that QGIS does not bring. {said} Open "
         "Plugins > Trigpoint > Trigpoint panel to install them beside QGIS."
     )
 
@@ -154,6 +188,8 @@ def locate(chosen: str, profile: Path) -> Environment | None:
 
 
 _attached: list[Environment] = []
+# What they put on sys.path.
+_added: list[str] = []
 
 
 def attached() -> Environment | None:
@@ -165,18 +201,20 @@ def attach(environment: Environment | None) -> None:
     """Let the plugin's own packages and those of the environment be imported.
 
     They come after everything that QGIS brings: another numpy in front of QGIS's own would break
-    its scipy and its GDAL bindings.
+    its scipy and its GDAL bindings. An environment that was attached before makes room.
     """
     if VENDOR.is_dir() and str(VENDOR) not in sys.path:
         sys.path.append(str(VENDOR))
-    if environment is not None:
-        _attached[:] = [environment]
+    if environment != attached():
+        sys.path[:] = [entry for entry in sys.path if entry not in _added]
+        _added.clear()
+        _attached[:] = [] if environment is None else [environment]
     if environment is not None and str(environment.packages) not in sys.path:
         before = list(sys.path)
         site.addsitedir(str(environment.packages))
         # What its .pth files put in front goes to the end too.
-        added = [entry for entry in sys.path if entry not in before]
-        sys.path[:] = before + added
+        _added[:] = [entry for entry in sys.path if entry not in before]
+        sys.path[:] = before + _added
     invalidate_caches()
 
 
@@ -201,6 +239,7 @@ def load() -> None:
 
 def detach() -> None:
     """Forget the plugin's own packages, so that its next version is not mixed with this one."""
+    attach(None)
     inside = str(VENDOR)
     own = f"{__name__.partition('.')[0]}."
     for name, module in list(sys.modules.items()):
@@ -212,12 +251,15 @@ def detach() -> None:
         sys.path.remove(inside)
 
 
-def _version(name: str) -> str | None:
+def _version(name: str, first: Environment | None = None) -> str | None:
     """Return the version of a package, empty if it has none, None if it is missing."""
+    if first is not None:
+        for there in metadata.distributions(name=name, path=[str(first.packages)]):
+            return there.version
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "" if find_spec(name) is not None else None
+        return "" if find_spec(name.replace("-", "_")) is not None else None
 
 
 def _older(version: str, least: str) -> bool:

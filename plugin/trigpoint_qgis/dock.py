@@ -10,13 +10,17 @@ from typing import Any
 from qgis.core import Qgis, QgsApplication, QgsSettings
 from qgis.gui import QgsMessageBar
 from qgis.PyQt.QtCore import PYQT_VERSION_STR, QCoreApplication, QSize, Qt, QTimer
-from qgis.PyQt.QtWidgets import QDockWidget, QSizePolicy, QVBoxLayout, QWidget
+from qgis.PyQt.QtWidgets import QApplication, QDockWidget, QSizePolicy, QVBoxLayout, QWidget
 
 from trigpoint_qgis import deps
 
 # Wide enough for two views side by side: a docked column would show neither.
 FLOATING = QSize(1150, 720)
 SMALLEST = QSize(480, 320)
+# Of the height of QGIS's window, where the dock lies in it: its least height shows no cloud.
+DOCKED = 0.58
+# The second click of the two that float a dock is still held when it floats.
+CLICK_MS = 250
 
 
 class TrigpointDock(QDockWidget):
@@ -37,6 +41,7 @@ class TrigpointDock(QDockWidget):
         self.host: Any = None
         self._attach = attach
         self._filled = False
+        self._wide = 0
         inside = QWidget(self)
         inside.setMinimumSize(SMALLEST)
         self._column = QVBoxLayout(inside)
@@ -55,6 +60,7 @@ class TrigpointDock(QDockWidget):
                 free = self.screen().availableGeometry()
                 self.resize(FLOATING.boundedTo(free.size()))
                 self.move(free.center() - self.rect().center())
+        self.topLevelChanged.connect(self._moved)
 
     def showEvent(self, event: Any) -> None:
         """Fill the dock the first time, once it has the window that it will be drawn in.
@@ -66,6 +72,21 @@ class TrigpointDock(QDockWidget):
         if not self._filled:
             self._filled = True
             QTimer.singleShot(0, self.look_again)
+        elif self.card is not None and self.card.waits:
+            # The commands that it gave may have run meanwhile.
+            self._attach()
+            if not deps.lacking(deps.PANEL):
+                QTimer.singleShot(0, self.look_again)
+
+    def resizeEvent(self, event: Any) -> None:
+        """Leave the words out of the panel's toolbar where its last buttons had no room."""
+        super().resizeEvent(event)
+        if self.panel is not None and self._wide:
+            self.panel.bar.setToolButtonStyle(
+                Qt.ToolButtonStyle.ToolButtonTextBesideIcon
+                if self.width() > self._wide
+                else Qt.ToolButtonStyle.ToolButtonIconOnly
+            )
 
     def look_again(self) -> None:
         """Show the panel if all it needs is there, else the card."""
@@ -118,9 +139,53 @@ class TrigpointDock(QDockWidget):
             QgsApplication.messageLog().logMessage(
                 traceback.format_exc(), "Trigpoint", Qgis.MessageLevel.Critical
             )
+            if self.host is not None:
+                self.host.shutdown()
+                self.host = None
             return f"{type(error).__name__}: {error}"
         self._column.addWidget(self.panel, 1)
+        self._wide = 0
+        QTimer.singleShot(0, self._settle)
         return ""
+
+    def _settle(self) -> None:
+        """Give the panel its room, once it is shown in its own style and can be measured."""
+        if self.panel is None:
+            return
+        frame = self.width() - self.panel.width()
+        self._wide = self.panel.bar.sizeHint().width() + frame
+        if self.isFloating():
+            self.resize(max(self.width(), self._wide + 1), self.height())
+            self._stay_on_screen()
+        else:
+            self._moved(False)
+
+    def _moved(self, floats: bool) -> None:
+        """Give the views a height where the dock lies, and keep it in reach where it floats."""
+        if not floats:
+            window = self.parentWidget()
+            window.resizeDocks([self], [round(DOCKED * window.height())], Qt.Orientation.Vertical)
+        elif QApplication.mouseButtons() == Qt.MouseButton.NoButton:
+            QTimer.singleShot(0, self._stay_on_screen)
+        else:
+            QTimer.singleShot(CLICK_MS, self._stay_on_screen)
+
+    def _stay_on_screen(self) -> None:
+        """Come back where a part is beyond the screen's edge; not while it is being dragged.
+
+        Qt floats a dock where it lay, as large as it was when it floated last.
+        """
+        if not self.isFloating() or QApplication.mouseButtons() != Qt.MouseButton.NoButton:
+            return
+        free = self.screen().availableGeometry()
+        border = self.frameGeometry().size() - self.size()
+        self.resize(self.size().boundedTo(free.size() - border))
+        frame = self.frameGeometry()
+        frame.moveRight(min(frame.right(), free.right()))
+        frame.moveBottom(min(frame.bottom(), free.bottom()))
+        frame.moveLeft(max(frame.left(), free.left()))
+        frame.moveTop(max(frame.top(), free.top()))
+        self.move(frame.topLeft())
 
     def _remove(self, widget: QWidget) -> None:
         self._column.removeWidget(widget)

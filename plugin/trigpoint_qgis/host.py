@@ -112,18 +112,20 @@ class QgisHost:
 
     def add_layer(self, path: Path, kind: str) -> None:
         """Add a result to the map."""
-        results.add(Path(path), kind, lambda text: self.message("warning", text))
+        results.add(Path(path), kind, self.message)
 
     def open_document(self, path: Path) -> None:
-        """Open a finished document with what the desktop opens such with."""
-        QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+        """Open a finished document with what the desktop opens such with, or say where it is."""
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(path))):
+            self.message("warning", f"Nothing here opens {path.name}. It is {path}.")
 
     def python(self) -> Sequence[str]:
         """Return the command of the interpreter that holds the packages, for child processes."""
         return auditing.interpreter()
 
     def shutdown(self) -> None:
-        """Cancel what runs, and wait up to two seconds for it to end."""
+        """Cancel what runs, and wait up to two seconds for each task to end."""
+        results.stop()
         for dialog in list(self._dialogs):
             dialog.close()
         for task in self._tasks:
@@ -154,7 +156,7 @@ class _JobTask(QgsTask):
     """One of the panel's jobs, as a task of QGIS."""
 
     def __init__(self, job: Any) -> None:
-        super().__init__(f"Trigpoint: {job.title}", QgsTask.Flag.CanCancel)
+        super().__init__(f"Trigpoint: {job.title}", results.QUIET)
         self.job = job
         job.progress.connect(self._tell)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import shutil
+import subprocess  # nosec B404
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
 from trigpoint_qgis.child import Line, Poll, base_python, run
+from trigpoint_qgis.deps import SIZE
 
 # Kept as QGIS has them: packages compiled for another numpy could not be loaded beside it.
 PINNED = ("numpy", "scipy")
@@ -27,7 +30,7 @@ FAULTS = (
     ),
     (
         r"No space left|Errno 28|not enough space",
-        "The disk is full: about 1 GB is needed. Free some, or choose a folder on another disk.",
+        f"The disk is full: {SIZE} is needed. Free some, or choose a folder on another disk.",
     ),
     (
         r"Temporary failure in name resolution|getaddrinfo|NewConnectionError|Network is "
@@ -61,7 +64,7 @@ class InstallError(Exception):
 
 def commands(folder: Path, python: Path | str, requirements: Path) -> list[list[str]]:
     """Return what makes an environment: two commands, each a list of arguments."""
-    inside = folder / ("Scripts/python.exe" if python.__str__().endswith(".exe") else "bin/python")
+    inside = folder / ("Scripts/python.exe" if str(python).endswith(".exe") else "bin/python")
     pins = [f"{name}=={metadata.version(name)}" for name in PINNED]
     install = [str(inside), "-m", "pip", "install", "--disable-pip-version-check"]
     install += ["--no-input", "--progress-bar", "off", "--only-binary", ":all:"]
@@ -73,7 +76,9 @@ def commands(folder: Path, python: Path | str, requirements: Path) -> list[list[
 
 def as_text(every: list[list[str]]) -> str:
     """Write commands so that they can be pasted into a shell."""
-    return "\n".join(shlex.join(each) for each in every)
+    # As the shell of the system reads them.
+    written = subprocess.list2cmdline if os.name == "nt" else shlex.join
+    return "\n".join(written(each) for each in every)
 
 
 def install(

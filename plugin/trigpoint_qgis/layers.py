@@ -10,6 +10,7 @@ import numpy as np
 from osgeo import gdal
 from qgis.core import (
     Qgis,
+    QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsCoordinateReferenceSystem,
     QgsCoordinateTransformContext,
@@ -26,8 +27,11 @@ from qgis.core import (
     QgsRasterLayer,
     QgsRasterShader,
     QgsRectangle,
+    QgsRendererCategory,
     QgsSingleBandPseudoColorRenderer,
     QgsSingleSymbolRenderer,
+    QgsTextBufferSettings,
+    QgsTextFormat,
     QgsVectorFileWriter,
     QgsVectorLayerSimpleLabeling,
     QgsWkbTypes,
@@ -39,6 +43,14 @@ from trigpoint_qgis.plan import PlanGrid
 
 PICKS = "picks"
 VECTORS = "residual_vectors"
+RASTERS = ("completeness", "error")
+# A pick's marker by its role, as the panel draws it.
+MARKERS = (
+    ("control", "circle", "#0072b2"),
+    ("check", "square", "#009e73"),
+    ("off", "cross2", "#59616d"),
+)
+INK = "#1b1e23"
 # Low to high: good to bad for an error, bad to good for completeness. Seen alike by the colour
 # blind, and light to dark in print.
 RAMP = ("#fde725", "#5ec962", "#21918c", "#3b528b", "#440154")
@@ -194,31 +206,75 @@ def crs_of(crs: Any) -> QgsCoordinateReferenceSystem:
     return QgsCoordinateReferenceSystem.fromWkt(split_crs(crs)[0].to_wkt())
 
 
-def style(layer: Any, kind: str, *, largest: float = 0.0) -> None:
-    """Style a result by its kind: picks, residual_vectors, footprint, completeness or error."""
+def heights_of(crs: Any) -> str:
+    """Return the WKT of the vertical part of a pyproj CRS; empty where it has none."""
+    from trigpoint.crsparts import split_crs
+
+    vertical = None if crs is None else split_crs(crs)[1]
+    return "" if vertical is None else str(vertical.to_wkt())
+
+
+def style(layer: Any, kind: str, *, largest: float = 0.0, vertical: str = "") -> None:
+    """Style a result by its kind: picks, residual_vectors, footprint, completeness or error.
+
+    Parameters
+    ----------
+    layer : QgsMapLayer
+    kind : str
+    largest : float
+        Where the colours of an error end.
+    vertical : str
+        WKT of the CRS of its heights; QGIS before 3.38 keeps none.
+    """
+    if vertical and hasattr(layer, "setVerticalCrs"):
+        layer.setVerticalCrs(QgsCoordinateReferenceSystem.fromWkt(vertical))
     if kind == PICKS:
-        layer.setRenderer(
-            QgsSingleSymbolRenderer(
-                QgsMarkerSymbol.createSimple(
-                    {"name": "cross2", "size": "4", "outline_width": "0.6", "color": "#b3261e"}
-                )
-            )
-        )
-        labels = QgsPalLayerSettings()
-        labels.fieldName = "id"
-        layer.setLabeling(QgsVectorLayerSimpleLabeling(labels))
+        categories = [
+            QgsRendererCategory(role, QgsMarkerSymbol.createSimple(_marker(shape, colour)), role)
+            for role, shape, colour in MARKERS
+        ]
+        layer.setRenderer(QgsCategorizedSymbolRenderer("role", categories))
+        layer.setLabeling(QgsVectorLayerSimpleLabeling(_labels()))
         layer.setLabelsEnabled(True)
     elif kind == VECTORS:
-        symbol = QgsLineSymbol.createSimple({"line_color": "#b3261e", "line_width": "0.7"})
+        symbol = QgsLineSymbol.createSimple({"line_color": "#d62718", "line_width": "0.8"})
         layer.setRenderer(QgsSingleSymbolRenderer(symbol))
     elif kind == "footprint":
         symbol = QgsFillSymbol.createSimple(
-            {"color": "0,0,0,0", "outline_color": "#1b1b1b", "outline_width": "0.4"}
+            {"color": "0,0,0,0", "outline_color": INK, "outline_width": "0.4"}
         )
         layer.setRenderer(QgsSingleSymbolRenderer(symbol))
     elif isinstance(layer, QgsRasterLayer):
         _colour(layer, 100.0 if kind == "completeness" else largest, kind != "completeness")
     layer.triggerRepaint()
+
+
+def _marker(shape: str, colour: str) -> dict[str, str]:
+    cross = shape.startswith("cross")
+    return {
+        "name": shape,
+        "size": "3",
+        "color": colour,
+        "outline_color": colour if cross else "#ffffff",
+        "outline_width": "0.6" if cross else "0.4",
+    }
+
+
+def _labels() -> QgsPalLayerSettings:
+    """Return labels that are read on light and on dark cells alike."""
+    halo = QgsTextBufferSettings()
+    halo.setEnabled(True)
+    halo.setSize(0.8)
+    halo.setColor(QColor("#ffffff"))
+    written = QgsTextFormat()
+    written.setSize(9)
+    written.setColor(QColor(INK))
+    written.setBuffer(halo)
+    labels = QgsPalLayerSettings()
+    labels.fieldName = "id"
+    labels.dist = 1.5
+    labels.setFormat(written)
+    return labels
 
 
 def _colour(layer: QgsRasterLayer, largest: float, dark_is_high: bool) -> None:

@@ -95,6 +95,7 @@ def rmse_m(
 
 
 def most(values: NDArray[np.float64]) -> float:
-    """Return where the colours of an error end."""
+    """Return where the colours of an error end: two digits, which a legend can show."""
     seen = values[np.isfinite(values)]
-    return float(np.percentile(seen, CLIP_PCT)) if len(seen) else 1.0
+    clipped = float(np.percentile(seen, CLIP_PCT)) if len(seen) else 0.0
+    return float(f"{clipped:.2g}") or 1.0

@@ -1,11 +1,11 @@
-"""What an audit's bundle holds, drawn as map layers beside it and added in a group of their own."""
+"""What an audit or a cloud holds, drawn as map layers beside it and added in a group of its own."""
 
 from __future__ import annotations
 
 import csv
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,10 @@ import numpy as np
 from qgis.core import (
     Qgis,
     QgsApplication,
+    QgsLayerTreeGroup,
+    QgsPointCloudLayer,
     QgsProject,
+    QgsProviderRegistry,
     QgsRasterLayer,
     QgsTask,
     QgsVectorLayer,
@@ -23,25 +26,48 @@ from trigpoint_qgis import deps, layers, plan
 
 CELL_M = 0.5
 EXAGGERATION = 20.0
+# Names the result that a group of layers shows, so that it is found again.
+SHOWS = "trigpoint/shows"
+# Patience with a map that is told to stop, milliseconds.
+PATIENCE_MS = 2000
+# The panel tells how a task ended; QGIS (3.26 and later) would tell it a second time, over the map.
+QUIET = QgsTask.Flag.CanCancel | getattr(QgsTask.Flag, "Silent", QgsTask.Flag.CanCancel)
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A layer's file: its title, address, and how it is styled."""
+    """A layer's file.
+
+    Attributes
+    ----------
+    title : str
+    address : str
+        Of the file, as QGIS writes it.
+    kind : str
+        Says how it is styled; see `layers.style`.
+    largest : float
+        Where the colours of a raster end.
+    of : str
+        The reconstruction that it shows; empty if there is but one.
+    vertical : str
+        WKT of the CRS of its heights; empty if that is not known.
+    """
 
     title: str
     address: str
     kind: str
     largest: float = 0.0
+    of: str = ""
+    vertical: str = ""
 
     def layer(self) -> Any:
         """Open and style it; in the GUI thread."""
-        if self.kind in ("completeness", "error", "raster"):
+        if self.kind in layers.RASTERS:
             opened = QgsRasterLayer(self.address, self.title)
         else:
             opened = QgsVectorLayer(self.address, self.title, "ogr")
         if opened.isValid():
-            layers.style(opened, self.kind, largest=self.largest)
+            layers.style(opened, self.kind, largest=self.largest, vertical=self.vertical)
         return opened
 
 
@@ -83,7 +109,7 @@ def draw(
         }
         poll()
         crs = clouds["completeness"].crs or parse_crs(results["crs"]["code"])
-        factors, frame = metre_factors(crs), layers.crs_of(crs)
+        factors, frame, heights = metre_factors(crs), layers.crs_of(crs), layers.heights_of(crs)
         places = {way: cloud.coordinates for way, cloud in clouds.items()}
         metres = {way: np.asarray(c.attributes["distance_m"], float) for way, c in clouds.items()}
         grid = plan.grid_over(np.concatenate(list(places.values())), cell)
@@ -91,17 +117,17 @@ def draw(
         error = plan.rmse_m(places["accuracy"], metres["accuracy"], grid)
         package = folder / f"{name}.gpkg"
         package.unlink(missing_ok=True)
-        for title, kind, values, largest in (
-            (f"{name}: completeness within {within:g} m (%)", "completeness", share, 100.0),
-            (f"{name}: error (RMSE, m)", "error", error, plan.most(error)),
+        for about, kind, values, largest in (
+            (f"completeness within {within:g} m (%)", "completeness", share, 100.0),
+            ("error (RMSE, m)", "error", error, plan.most(error)),
         ):
             poll()
             path = folder / f"{name}-{kind}.tif"
-            layers.write_raster(path, values, grid, frame.toWkt(), factors, title)
-            drawn.append(Drawn(title, str(path), kind, largest))
+            layers.write_raster(path, values, grid, frame.toWkt(), factors, about)
+            drawn.append(Drawn(f"{name}: {about}", str(path), kind, largest, name))
         outline = layers.footprint_feature(places["accuracy"], grid, factors)
         address = layers.write_features(package, "footprint", [outline], layers.POLYGONS, frame)
-        drawn.append(Drawn(f"{name}: footprint", address, "footprint"))
+        drawn.append(Drawn(f"{name}: footprint", address, "footprint", of=name))
         if found["alignment"] is not None:
             rows = _picks(bundle / "data", name)
             for title, layer, kind, features in (
@@ -119,20 +145,25 @@ def draw(
                 ),
             ):
                 address = layers.write_features(package, layer, features, kind, frame)
-                drawn.append(Drawn(title, address, layer))
-    return drawn
+                drawn.append(Drawn(title, address, layer, of=name, vertical=heights))
+    # One scale of colours for all: what looks alike is alike.
+    most = max(each.largest for each in drawn if each.kind == "error")
+    return [replace(each, largest=most) if each.kind == "error" else each for each in drawn]
 
 
-def outline_of(cloud: Path, *, cell: float = CELL_M) -> list[Drawn]:
-    """Write the footprint of a georeferenced cloud beside it."""
+def outline_of(
+    cloud: Path, *, cell: float = CELL_M, poll: Callable[[], None] = lambda: None
+) -> list[Drawn]:
+    """Write the footprint of a georeferenced cloud beside it; see `draw` of the parameters."""
     deps.load()
     from trigpoint.crs import metre_factors
     from trigpoint.files import stream
 
     taken: dict[tuple[int, int], None] = {}
-    crs = None
+    crs, count = None, 0
     for chunk in stream(cloud, attributes=False):
-        crs = chunk.crs
+        poll()
+        crs, count = chunk.crs, count + len(chunk.xyz)
         cells = np.unique(np.floor((chunk.xyz + chunk.origin)[:, :2] / cell), axis=0)
         taken.update(dict.fromkeys(map(tuple, cells.tolist())))
     middles = (np.array(list(taken)) + 0.5) * cell
@@ -141,54 +172,131 @@ def outline_of(cloud: Path, *, cell: float = CELL_M) -> list[Drawn]:
     grid, factors = plan.grid_over(points, cell), metre_factors(crs)
     path.unlink(missing_ok=True)
     feature = layers.footprint_feature(points, grid, factors)
+    feature["points"] = count
     address = layers.write_features(
         path, "footprint", [feature], layers.POLYGONS, layers.crs_of(crs)
     )
     return [Drawn(f"{cloud.name}: footprint", address, "footprint")]
 
 
-def show(drawn: list[Drawn], group: str) -> None:
-    """Add layers to the map in a group, those drawn last on top."""
+def show(drawn: list[Drawn], group: str, *, of: Path | None = None) -> None:
+    """Add layers to the map in a group, those drawn last on top.
+
+    The layers of each reconstruction come together, the first on top. Of a pile of rasters only
+    the uppermost would be seen, so that one is switched on.
+
+    Parameters
+    ----------
+    drawn : list of Drawn
+    group : str
+        Title of the group.
+    of : Path, optional
+        The result that is shown.
+    """
+    place = QgsProject.instance().layerTreeRoot().insertGroup(0, group)
+    if of is not None:
+        place.setCustomProperty(SHOWS, str(of))
+    names = list(dict.fromkeys(each.of for each in drawn))
+    for order, name in enumerate(names):
+        inner = place.addGroup(name) if len(names) > 1 else place
+        for each in drawn:
+            if each.of == name:
+                _insert(each.layer(), inner, seen=each.kind != "completeness")
+        if order > 0:
+            inner.setItemVisibilityChecked(False)
+            inner.setExpanded(False)
+
+
+def _insert(layer: Any, place: QgsLayerTreeGroup, *, seen: bool = True) -> None:
+    if layer.isValid():
+        QgsProject.instance().addMapLayer(layer, False)
+        node = place.insertLayer(0, layer)
+        node.setItemVisibilityChecked(seen)
+        node.setExpanded(seen)
+
+
+def clear(path: Path) -> None:
+    """Take away the layers of a result that is drawn anew: their files are about to change."""
     project = QgsProject.instance()
-    place = project.layerTreeRoot().insertGroup(0, group)
-    for each in drawn:
-        layer = each.layer()
-        if layer.isValid():
-            project.addMapLayer(layer, False)
-            place.insertLayer(0, layer)
+    every = project.layerTreeRoot().findGroups(True)
+    # First listed, then removed: with a group those inside it go.
+    for group in [each for each in every if each.customProperty(SHOWS) == str(path)]:
+        project.removeMapLayers(group.findLayerIds())
+        group.parent().removeChildNode(group)
 
 
-def add(path: Path, kind: str, failed: Callable[[str], None] = lambda _: None) -> None:
+def cloud_layer(path: Path) -> Any:
+    """Open a cloud as a layer of points; None where this QGIS can't."""
+    named = path.name.lower()
+    known = QgsProviderRegistry.instance().providerList()
+    for end, provider in ((".copc.laz", "copc"), (".laz", "pdal"), (".las", "pdal")):
+        if named.endswith(end) and provider in known:
+            layer = QgsPointCloudLayer(str(path), path.name, provider)
+            if layer.isValid():
+                return layer
+    return None
+
+
+def add(path: Path, kind: str, told: Callable[[str, str], None] = lambda *_: None) -> None:
     """Draw a result in a task of QGIS and add it to the map when it is drawn.
 
     Parameters
     ----------
     path : Path
-    kind : {"bundle", "cloud", "raster", "vector"}
-    failed : callable
-        Told in one sentence what went wrong.
+    kind : {"bundle", "cloud"}
+        A cloud is shown as points where this QGIS can, else by its footprint.
+    told : callable
+        Told a level (info or warning) and a sentence: what is shown instead, or what went wrong.
     """
-    if kind in ("raster", "vector"):
-        show([Drawn(path.stem, str(path), kind)], path.stem)
-        return
-    work = draw if kind == "bundle" else outline_of
+    clear(path)
+    if kind == "cloud":
+        layer = cloud_layer(path)
+        if layer is not None:
+            group = QgsProject.instance().layerTreeRoot().insertGroup(0, f"Trigpoint {path.name}")
+            group.setCustomProperty(SHOWS, str(path))
+            _insert(layer, group)
+            return
+    work: Callable[..., list[Drawn]] = draw if kind == "bundle" else outline_of
 
-    def run(_task: QgsTask) -> list[Drawn]:
-        return work(path)
+    def run(task: QgsTask) -> list[Drawn]:
+        def poll() -> None:
+            if task.isCanceled():
+                message = "it was cancelled."
+                raise InterruptedError(message)
+
+        return work(path, poll=poll)
 
     def finished(error: Exception | None, drawn: list[Drawn] | None = None) -> None:
+        if task not in _running:
+            return  # the plugin has gone
         _running.remove(task)
         if error is not None:
             message = f"{path.name} can't be put on the map: {error}"
             QgsApplication.messageLog().logMessage(message, "Trigpoint", Qgis.MessageLevel.Warning)
-            failed(message)
+            told("warning", message)
         elif drawn:
-            show(drawn, f"Trigpoint {path.name}")
+            show(drawn, f"Trigpoint {path.name}", of=path)
+            if kind == "cloud":
+                told(
+                    "info",
+                    f"The map shows the footprint of {path.name}: this QGIS has no provider that "
+                    "draws the points of such a file.",
+                )
 
-    task = QgsTask.fromFunction(f"Trigpoint: map of {path.name}", run, on_finished=finished)
+    title = f"Trigpoint: map of {path.name}"
+    task = QgsTask.fromFunction(title, run, on_finished=finished, flags=QUIET)
     # Nobody else holds it while it runs.
     _running.append(task)
     QgsApplication.taskManager().addTask(task)
+
+
+def stop() -> None:
+    """Give up on the maps that are being drawn: nobody will be there to show them."""
+    tasks = list(_running)
+    _running.clear()
+    for task in tasks:
+        task.cancel()
+        task.waitForFinished(PATIENCE_MS)
 
 
 _running: list[QgsTask] = []

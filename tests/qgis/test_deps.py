@@ -1,3 +1,4 @@
+import re
 import sys
 from pathlib import Path
 
@@ -38,6 +39,7 @@ def undisturbed(monkeypatch):
     """Give sys.path back as it was, and forget what was attached."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(deps, "_attached", [])
+    monkeypatch.setattr(deps, "_added", [])
 
 
 def test_what_is_missing_and_what_is_too_old_are_named_with_their_versions(tmp_path):
@@ -49,20 +51,23 @@ def test_what_is_missing_and_what_is_too_old_are_named_with_their_versions(tmp_p
         "tp_old is 1.9.8 and must be 1.10 or later",
         "tp_missing is missing",
     ]
-    assert "tp_missing is missing" in deps.explain(lacks)
+    assert deps.listed(lacks) == (
+        "Missing: tp_missing.\ntp_old is 1.9.8 and must be 1.10 or later."
+    )
+    assert "Missing: tp_missing. tp_old is 1.9.8" in deps.explain(lacks)
     assert deps.explain(()) == ""
 
 
 @pytest.mark.parametrize("version", ["9.3.1", "9.4.1", "9.4.0.dev0"])
 def test_trap_2_vtk_that_crashes_qgis_is_refused_with_the_reason(version, monkeypatch):
-    monkeypatch.setattr(deps, "_version", lambda name: version if name == "vtk" else "99")
+    monkeypatch.setattr(deps, "_version", lambda name, _: version if name == "vtk" else "99")
     (lack,) = deps.lacking(deps.PANEL)
     assert "crashes QGIS when it quits" in str(lack)
 
 
 @pytest.mark.parametrize("version", ["9.4.2", "9.5.0", "10.0"])
 def test_vtk_that_does_not_crash_qgis_is_taken(version, monkeypatch):
-    monkeypatch.setattr(deps, "_version", lambda _: version)
+    monkeypatch.setattr(deps, "_version", lambda *_: version)
     assert deps.lacking(deps.VIEWS) == ()
 
 
@@ -96,6 +101,28 @@ def test_attaching_twice_adds_once(venv):
     assert deps.attached() == environment
 
 
+def test_an_environment_chosen_after_another_takes_its_place(venv, tmp_path):
+    old = deps.find_environment(venv())
+    distribution(tmp_path / "bare", "tp_bare", "1")
+    deps.attach(old)
+    deps.attach(deps.find_environment(tmp_path / "bare"))
+    assert str(old.packages) not in sys.path
+    assert str(tmp_path / "bare") in sys.path
+    deps.attach(None)
+    assert str(tmp_path / "bare") not in sys.path
+    assert deps.attached() is None
+
+
+def test_the_environment_s_own_version_counts_where_its_own_interpreter_runs(tmp_path):
+    distribution(tmp_path / "of_qgis", "tp_drawn", "3.6")
+    distribution(tmp_path / "env", "tp_drawn", "3.9")
+    sys.path.append(str(tmp_path / "of_qgis"))
+    environment = deps.find_environment(tmp_path / "env")
+    deps.attach(environment)
+    assert deps.lacking({"tp_drawn": "3.8"})
+    assert not deps.lacking({"tp_drawn": "3.8"}, environment)
+
+
 def test_a_bare_folder_of_packages_is_taken_without_an_interpreter(tmp_path):
     distribution(tmp_path / "bare", "tp_bare", "1")
     assert deps.find_environment(tmp_path / "bare") == deps.Environment(tmp_path / "bare", None)
@@ -127,9 +154,17 @@ def test_what_is_needed_is_what_pyproject_asks_for():
     tomllib = pytest.importorskip("tomllib")
     path = Path(__file__).parents[2] / "pyproject.toml"
     project = tomllib.loads(path.read_text("utf-8"))["project"]
-    asked = " ".join([*project["dependencies"], *project["optional-dependencies"]["panel"]])
-    for name in {*deps.PANEL} - {"vtk", "lazrs", "pyvista"}:
-        assert name in asked
+    extras = project["optional-dependencies"]
+    asked = {
+        match[1].lower(): match[2]
+        for line in [*project["dependencies"], *extras["reporting"], *extras["panel"]]
+        if (match := re.match(r"([\w-]+)(?:\[\w+\])?>=([\d.]+)", line))
+    }
+    # laspy brings lazrs; Qt is QGIS's own, and pye57 is asked for where an E57 is read.
+    known = deps.PANEL | deps.REPORT
+    assert {name: least for name, least in known.items() if name != "lazrs"} == {
+        name: least for name, least in asked.items() if name not in ("pyside6-essentials", "pye57")
+    }
 
 
 def test_the_plugin_s_own_packages_are_forgotten_on_detaching(tmp_path, monkeypatch):

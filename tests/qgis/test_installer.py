@@ -1,11 +1,12 @@
 import sys
 import time
+import zipfile
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
-from trigpoint_qgis import auditing, child, installer
+from trigpoint_qgis import auditing, child, deps, installer
 
 PYTHON = sys.executable
 
@@ -38,6 +39,50 @@ def test_the_commands_pin_what_qgis_has_and_see_its_packages(tmp_path):
     text = installer.as_text([make, fill])
     assert text.count("\n") == 1
     assert text.startswith("/usr/bin/python3 -m venv")
+
+
+def wheel(folder, name):
+    """Build the wheel of a package that holds one number."""
+    folder.mkdir()
+    info = f"{name}-1.0.dist-info"
+    with zipfile.ZipFile(folder / f"{name}-1.0-py3-none-any.whl", "w") as file:
+        file.writestr(f"{name}.py", "answer = 42\n")
+        file.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        file.writestr(
+            f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        file.writestr(f"{info}/RECORD", "")
+
+
+def test_an_installation_makes_an_environment_that_can_be_used(tmp_path, monkeypatch):
+    base = child.base_python()
+    if child.run([str(base), "-c", "import ensurepip, venv"])[0] != 0:
+        pytest.skip(f"{base} can't make environments: install its venv")
+    wheel(tmp_path / "wheels", "tp_installed")
+    (tmp_path / "requirements.txt").write_text("tp-installed\n")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path / "wheels"))
+    # Those of the running Python; its base may have none.
+    monkeypatch.setattr(installer, "PINNED", ())
+    lines = []
+    installer.install(tmp_path / "a folder", tmp_path / "requirements.txt", on_line=lines.append)
+    assert any("Successfully installed" in line for line in lines)
+    environment = deps.find_environment(tmp_path / "a folder")
+    code, said = child.run(
+        [str(environment.python), "-c", "import tp_installed; print(tp_installed.answer)"]
+    )
+    assert (code, said.strip()) == (0, "42")
+    assert deps.lacking({"tp-installed": "1.0"}, environment) == ()
+
+
+def test_a_child_sees_a_bare_folder_of_packages(tmp_path, monkeypatch):
+    (tmp_path / "tp_bare_only.py").write_text("answer = 42\n")
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    command = auditing.interpreter(deps.Environment(tmp_path, None))
+    code = "import subprocess, sys, tp_bare_only\n"
+    # As the report's own process does.
+    code += "sys.exit(subprocess.call([sys.executable, '-c', 'import tp_bare_only']))"
+    assert child.run([*command, "-c", code])[0] == 0
 
 
 def test_a_failed_installation_leaves_nothing_and_keeps_its_log(tmp_path):

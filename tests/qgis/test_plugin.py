@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("qgis.core", reason="this Python is not QGIS's; .ci/qgis.sh makes one that is")
 pytest.importorskip("pytest_qgis", reason="pytest-qgis is not installed")
 
-from qgis.core import QgsApplication, QgsSettings
+from qgis.core import QgsApplication, QgsSettings, QgsTask
 from qgis.gui import QgsMessageBar
 from qgis.PyQt.QtWidgets import QMainWindow, QPushButton
 
@@ -87,7 +87,7 @@ def test_unloading_takes_everything_away(qgis_iface, qgis_processing):  # noqa: 
 def lacking(monkeypatch):
     lacks = (deps.Lack("laspy", "2.5", None), deps.Lack("vtk", "9.4.2", "9.3.0"))
     found = list(lacks)
-    monkeypatch.setattr(deps, "lacking", lambda _: tuple(found))
+    monkeypatch.setattr(deps, "lacking", lambda *_: tuple(found))
     return found
 
 
@@ -95,7 +95,7 @@ def test_the_card_says_what_is_missing_why_and_how_big(plugin, lacking):  # noqa
     plugin.show_panel()
     wait_until(lambda: plugin.dock.card is not None)
     shown = plugin.dock.card
-    assert "laspy is missing" in shown.text.text()
+    assert "Missing: laspy." in shown.text.text()
     assert "an older one crashes QGIS when it quits" in shown.text.text()
     assert deps.SIZE in shown.text.text()
     assert [b.text() for b in shown.findChildren(QPushButton) if not b.isHidden()] == [
@@ -112,6 +112,33 @@ def test_the_commands_can_be_copied(plugin, lacking):  # noqa: ARG001
     text = QgsApplication.clipboard().text()
     assert "-m venv --clear --system-site-packages" in text
     assert "numpy==" in text
+
+
+def test_a_card_whose_commands_have_run_makes_room_when_the_dock_is_opened_again(
+    plugin, lacking, monkeypatch
+):
+    opened = []
+    monkeypatch.setattr(type_of_dock(), "_open", lambda _: opened.append(1) or "stopped here")
+    plugin.show_panel()
+    wait_until(lambda: plugin.dock.card is not None)
+    plugin.show_panel(False)
+    plugin.show_panel()
+    assert not opened, "they are still missing"
+    plugin.show_panel(False)
+    lacking.clear()
+    plugin.show_panel()
+    wait_until(lambda: opened)
+
+
+def test_a_floating_dock_beyond_the_screen_comes_back(plugin, lacking):  # noqa: ARG001
+    plugin.show_panel()
+    wait_until(lambda: plugin.dock.card is not None)
+    dock, free = plugin.dock, plugin.dock.screen().availableGeometry()
+    dock.setFloating(False)
+    dock.setFloating(True)
+    dock.move(free.right() - 50, free.bottom() - 50)
+    dock._stay_on_screen()
+    assert free.contains(dock.frameGeometry())
 
 
 def test_a_folder_that_can_t_be_used_is_refused_on_the_card(plugin, lacking, tmp_path):  # noqa: ARG001
@@ -176,7 +203,7 @@ def test_an_installation_can_be_cancelled(plugin, lacking, monkeypatch):  # noqa
 
 
 def test_a_panel_that_can_t_be_made_is_told_on_the_card(plugin, monkeypatch):
-    monkeypatch.setattr(deps, "lacking", lambda _: ())
+    monkeypatch.setattr(deps, "lacking", lambda *_: ())
     monkeypatch.setitem(sys.modules, "trigpoint_panel.panel", None)
     plugin.show_panel()
     wait_until(lambda: plugin.dock.card is not None)
@@ -283,6 +310,27 @@ def test_messages_appear_in_the_bar_with_what_can_be_done(host):
     assert not pressed
     host.clear_messages()
     wait_until(lambda: host.bar.currentItem() is None)
+
+
+def test_a_document_that_nothing_opens_is_told_with_its_place(host, monkeypatch, tmp_path):
+    from trigpoint_qgis import host as room
+
+    asked = []
+    monkeypatch.setattr(
+        room.QDesktopServices, "openUrl", lambda url: bool(asked.append(url.toLocalFile()))
+    )
+    host.open_document(tmp_path / "report.html")
+    assert asked == [str(tmp_path / "report.html")]
+    assert str(tmp_path / "report.html") in host.bar.currentItem().text()
+
+
+def test_what_runs_is_told_by_the_panel_and_not_by_qgis_too(host):
+    made, heard = job(lambda _tick: 1)
+    host.run(made)
+    silent = getattr(QgsTask.Flag, "Silent", None)
+    if silent is not None:
+        assert QgsApplication.taskManager().tasks()[-1].flags() & silent
+    wait_until(lambda: "done" in heard)
 
 
 def test_children_run_where_the_packages_are(host):

@@ -1,7 +1,9 @@
 """The provider and its algorithms inside QGIS's own Python."""
 
 import json
+import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ pytest.importorskip("qgis.core", reason="this Python is not QGIS's; .ci/qgis.sh 
 pytest.importorskip("pytest_qgis", reason="pytest-qgis is not installed")
 
 from qgis.core import (
+    Qgis,
     QgsApplication,
     QgsProcessingException,
     QgsProject,
@@ -40,6 +43,7 @@ def run(provider):  # noqa: ARG001
 
 
 def test_the_provider_has_its_four_algorithms(provider):
+    deps.attach(deps.find_environment(Path(os.environ["TRIGPOINT_QGIS_ENVIRONMENT"])))
     names = {algorithm.id() for algorithm in provider.algorithms()}
     assert names == {f"trigpoint:{name}" for name in ("align", "apply", "audit", "compare")}
     assert provider.warningMessage() == ""
@@ -146,6 +150,15 @@ def test_compare_maps_what_it_measures(run, small_project, tmp_path):
     assert 150 < feature["area_m2"] < 16 * 18
 
 
+def test_an_audit_without_the_report_s_packages_is_refused_before_it_runs(provider, monkeypatch):
+    lack = deps.Lack("weasyprint", "70", None)
+    monkeypatch.setattr(
+        deps, "lacking", lambda packages, *_: (lack,) if "weasyprint" in packages else ()
+    )
+    able = {each.name(): each.canExecute()[0] for each in provider.algorithms()}
+    assert able == {"align": True, "apply": True, "compare": True, "audit": False}
+
+
 def test_compare_refuses_what_it_can_t_use(run, small_project, tmp_path):
     project, _ = small_project()
     given = {
@@ -155,6 +168,10 @@ def test_compare_refuses_what_it_can_t_use(run, small_project, tmp_path):
     }
     with pytest.raises(QgsProcessingException, match="numbers separated by commas"):
         run("trigpoint:compare", given | {"WITHIN": "a, b"})
+    with pytest.raises(QgsProcessingException, match="numbers separated by commas"):
+        run("trigpoint:compare", given | {"WITHIN": " "})
+    with pytest.raises(QgsProcessingException, match="larger than zero"):
+        run("trigpoint:compare", given | {"CELL": 0})
     (tmp_path / "cut.laz").write_bytes(project.with_name("sfm.laz").read_bytes()[:5000])
     with pytest.raises(QgsProcessingException, match=r"cut\.laz"):
         run("trigpoint:compare", given | {"RECONSTRUCTION": str(tmp_path / "cut.laz")})
@@ -162,12 +179,12 @@ def test_compare_refuses_what_it_can_t_use(run, small_project, tmp_path):
 
 def test_what_is_missing_is_named_before_anything_runs(provider, monkeypatch):
     lack = deps.Lack("laspy", "2.5", None)
-    monkeypatch.setattr(deps, "lacking", lambda _: (lack,))
+    monkeypatch.setattr(deps, "lacking", lambda *_: (lack,))
     for algorithm in provider.algorithms():
         possible, reason = algorithm.canExecute()
         assert not possible
-        assert "laspy is missing" in reason
-    assert "laspy is missing" in provider.warningMessage()
+        assert "Missing: laspy." in reason
+    assert "Missing: laspy." in provider.warningMessage()
 
 
 @pytest.fixture
@@ -200,6 +217,16 @@ def test_a_bundle_is_drawn_beside_it_and_shown_in_a_group(bundle, qgis_new_proje
     (group,) = QgsProject.instance().layerTreeRoot().findGroups()
     layers = [node.layer() for node in group.findLayers()]
     assert len(layers) == 8
+    # Rasters lie under picks, and of the pile only the uppermost is switched on.
+    assert [child.name() for child in group.children()] == ["nerf", "sfm"]
+    assert [node.name() for node in group.findLayers() if node.isVisible()] == [
+        "nerf: picks",
+        "nerf: residuals x 20",
+        "nerf: footprint",
+        "nerf: error (RMSE, m)",
+    ]
+    scales = {each.largest for each in drawn if each.kind == "error"}
+    assert len(scales) == 1, "what looks alike is alike"
     assert all(layer.isValid() and layer.crs().authid() == "EPSG:32615" for layer in layers)
     picks = next(layer for layer in layers if layer.name() == "nerf: picks")
     assert picks.featureCount() == 8
@@ -226,9 +253,75 @@ def test_the_panel_s_audit_is_put_on_the_map_by_a_task(bundle, qgis_new_project)
 
 def test_what_can_t_be_put_on_the_map_is_told(tmp_path, qgis_new_project):  # noqa: ARG001
     told = []
-    results.add(tmp_path / "none.laz", "cloud", told.append)
+    results.add(tmp_path / "none.laz", "cloud", lambda *said: told.append(said))
     waited_for(lambda: told)
-    assert "none.laz can't be put on the map" in told[0]
+    ((level, text),) = told
+    assert level == "warning"
+    assert "none.laz can't be put on the map" in text
+
+
+def test_a_cloud_that_qgis_can_t_draw_is_shown_by_its_footprint_and_that_is_said(
+    small_project,
+    qgis_new_project,  # noqa: ARG001
+    monkeypatch,
+):
+    project, _ = small_project()
+    cloud, told = project.with_name("sfm.laz"), []
+    monkeypatch.setattr(results, "cloud_layer", lambda _: None)
+    results.add(cloud, "cloud", lambda *said: told.append(said))
+    waited_for(lambda: told)
+    (layer,) = QgsProject.instance().mapLayers().values()
+    assert layer.name() == "sfm.laz: footprint"
+    ((level, text),) = told
+    assert level == "info"
+    assert "footprint of sfm.laz" in text
+
+
+def test_a_cloud_is_drawn_by_the_provider_that_this_qgis_has_for_it(tmp_path, monkeypatch):
+    asked = []
+
+    class Layer:
+        def __init__(self, address, _title, provider):
+            asked.append((address.rpartition("/")[2], provider))
+
+        def isValid(self):  # noqa: N802
+            return True
+
+    class Registry:
+        def providerList(self):  # noqa: N802
+            return ["ogr", *known]
+
+    monkeypatch.setattr(results, "QgsPointCloudLayer", Layer)
+    monkeypatch.setattr(results.QgsProviderRegistry, "instance", lambda: Registry())
+    known = ["copc"]
+    assert results.cloud_layer(tmp_path / "a.laz") is None
+    assert results.cloud_layer(tmp_path / "a.ply") is None
+    assert results.cloud_layer(tmp_path / "a.copc.laz") is not None
+    known = ["copc", "pdal"]
+    assert results.cloud_layer(tmp_path / "b.LAS") is not None
+    assert asked == [("a.copc.laz", "copc"), ("b.LAS", "pdal")]
+
+
+def test_a_map_that_is_drawn_again_takes_the_place_of_the_first(bundle, qgis_new_project):  # noqa: ARG001
+    results.show(results.draw(bundle, cell=1.0), "small", of=bundle)
+    before = set(QgsProject.instance().mapLayers())
+    results.add(bundle, "bundle")
+    assert not QgsProject.instance().mapLayers()
+    waited_for(lambda: len(QgsProject.instance().mapLayers()) == 8)
+    assert not before & set(QgsProject.instance().mapLayers())
+    groups = QgsProject.instance().layerTreeRoot().children()
+    assert [group.name() for group in groups] == [f"Trigpoint {bundle.name}"]
+
+
+def test_a_map_that_is_being_drawn_when_the_plugin_goes_is_given_up(bundle, qgis_new_project):  # noqa: ARG001
+    told = []
+    results.add(bundle, "bundle", lambda *said: told.append(said))
+    results.stop()
+    for _ in range(50):
+        QgsApplication.processEvents()
+        time.sleep(0.01)
+    assert not QgsProject.instance().mapLayers()
+    assert not told
 
 
 def test_the_footprint_of_a_cloud_is_drawn_beside_it(small_project):
@@ -237,4 +330,21 @@ def test_the_footprint_of_a_cloud_is_drawn_beside_it(small_project):
     layer = drawn.layer()
     (feature,) = layer.getFeatures()
     assert 150 < feature["area_m2"] < 16 * 18
+    assert feature["points"] == 5000
     assert layer.crs().authid() == "EPSG:32615"
+
+
+def test_heights_keep_their_own_crs(small_project):
+    if Qgis.QGIS_VERSION_INT < 33800:
+        pytest.skip("this QGIS keeps no vertical CRS")
+    import pyproj
+
+    from trigpoint_qgis import layers
+
+    project, _ = small_project()
+    crs = pyproj.CRS("EPSG:32615+5703")
+    address = results.outline_of(project.with_name("sfm.laz"))[0].address
+    drawn = results.Drawn("a", address, layers.VECTORS, vertical=layers.heights_of(crs))
+    assert drawn.layer().verticalCrs().authid() == "EPSG:5703"
+    assert layers.heights_of(pyproj.CRS("EPSG:32615")) == ""
+    assert layers.heights_of(None) == ""

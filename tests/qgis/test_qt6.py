@@ -20,7 +20,7 @@ GONE = re.compile(
 MODULES = ("QtCore", "QtGui", "QtWidgets", "QtTest")
 # Enumerations by themselves, not members of one: given a shorter name, or named as a type.
 ENUMERATION = re.compile(
-    r"(Policy|Type|Shape|Mode|Flag|Role|Group|Button|Orientation|OnExistingFile)$"
+    r"(Policy|Type|Shape|Mode|Flag|Role|Group|Button|Orientation|Direction|OnExistingFile)$"
 )
 
 

@@ -17,7 +17,7 @@ from qgis.core import (
     QgsProcessingParameterFolderDestination,
 )
 
-from trigpoint_qgis import auditing
+from trigpoint_qgis import auditing, deps
 from trigpoint_qgis import results as drawing
 from trigpoint_qgis.algorithms.base import StoppedError, Styler, TrigpointAlgorithm
 
@@ -33,6 +33,11 @@ class Audit(TrigpointAlgorithm):
         "trigpoint's packages.\n\n"
         "Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED without any."
     )
+
+    def canExecute(self) -> tuple[bool, str]:
+        """Say whether the environment holds what a report needs, and what it does not."""
+        message = deps.explain(deps.lacking(deps.REPORT, deps.attached()))
+        return not message, message
 
     def initAlgorithm(self, _configuration: Any = None) -> None:
         """Declare what goes in and what comes out."""
@@ -81,8 +86,12 @@ class Audit(TrigpointAlgorithm):
             told["MAP_FOLDER"] = str(drawing.map_folder(Path(audit["path"])))
             for each in drawn:
                 details = QgsProcessingContext.LayerDetails(each.title, context.project())
-                self.stylers.append(Styler(each.kind, {"largest": each.largest}))
+                self.stylers.append(
+                    Styler(each.kind, {"largest": each.largest, "vertical": each.vertical})
+                )
                 details.setPostProcessor(self.stylers[-1])
+                if hasattr(details, "groupName"):  # QGIS 3.32 and later
+                    details.groupName = each.of
                 context.addLayerToLoadOnCompletion(each.address, details)
         return told | {
             "FOLDER": str(Path(audit["path"]).parent),

@@ -121,7 +121,7 @@ class TrigpointAlgorithm(QgsProcessingAlgorithm):
 class Styler(QgsProcessingLayerPostProcessorInterface):
     """Styles one layer once it is in the map."""
 
-    def __init__(self, kind: str, more: dict[str, float]) -> None:
+    def __init__(self, kind: str, more: dict[str, Any]) -> None:
         super().__init__()
         self.kind, self.more = kind, more
 

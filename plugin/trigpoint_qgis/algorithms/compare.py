@@ -10,6 +10,7 @@ from qgis.core import (
     QgsFeature,
     QgsFeatureSink,
     QgsProcessingContext,
+    QgsProcessingException,
     QgsProcessingOutputNumber,
     QgsProcessingParameterBoolean,
     QgsProcessingParameterCrs,
@@ -115,6 +116,9 @@ class Compare(TrigpointAlgorithm):
         crs = crs_text(self.parameterAsCrs(parameters, "CRS", context)) or None
         within = self.numbers_of(self.parameterAsString(parameters, "WITHIN", context), "WITHIN")
         zones = self.numbers_of(self.parameterAsString(parameters, "ZONES", context), "ZONES")
+        if not within:
+            message = "WITHIN is empty; it must be numbers separated by commas."
+            raise QgsProcessingException(message)
         given = parameters.get("MARGIN")
         margin = (
             None if given in (None, "") else self.parameterAsDouble(parameters, "MARGIN", context)

@@ -8,10 +8,6 @@
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>A virtual environment or folder that has them already</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
    <source>Align: fit one similarity to picks</source>
    <translation type="unfinished"/>
   </message>
@@ -78,7 +74,7 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Copied. When they have run, restart QGIS.</source>
+   <source>Copied. When they have run, close this panel and open it again.</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -91,10 +87,6 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
   </message>
   <message>
    <source>Details</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
-   <source>Download {size} into {folder}</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -134,6 +126,10 @@ Picks and residual vectors become layers; the vectors are drawn longer than they
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>For a terminal: the two commands that Install… would run.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>How picks that agree are found (all: no consensus)</source>
    <translation type="unfinished"/>
   </message>
@@ -151,6 +147,10 @@ Picks and residual vectors become layers; the vectors are drawn longer than they
   </message>
   <message>
    <source>Install…</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Makes an environment in your profile, {folder}. Takes some minutes.</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -208,6 +208,10 @@ Maps: completeness is the share of the reference's voxels in a cell that the rec
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>Removes what was made so far.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>Residual vectors</source>
    <translation type="unfinished"/>
   </message>
@@ -242,23 +246,23 @@ Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED witho
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>Takes an environment, or a folder of packages, that is there.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>The panel can't be shown</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>The panel shows point clouds with VTK and reads them with packages that QGIS does not bring:
+   <source>The panel shows point clouds with VTK and reads them with packages that QGIS does not bring.
 
 {named}
 
-They go into a folder of their own ({size}) and come after QGIS's own packages, never before: no other plugin notices. QGIS need not be restarted.</source>
+With what reports need they take {size}. They go into a folder of their own and come after QGIS's own packages, never before: no other plugin notices. QGIS need not be restarted.</source>
    <translation type="unfinished"/>
   </message>
   <message>
    <source>Thresholds (m), the last one is mapped</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
-   <source>To run them yourself, in a terminal</source>
    <translation type="unfinished"/>
   </message>
   <message>
