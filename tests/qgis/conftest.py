@@ -109,7 +109,7 @@ def profile(tmp_path):
 def run_qgis(real_qgis, profile, tmp_path):  # noqa: ARG001
     """Start real QGIS without network on a display of its own, and run a driver in it."""
 
-    def run(driver, *, screen="1600x1000", seconds=170, **given):
+    def run(driver, *, screen="1600x1000", seconds=170, alone=True, **given):
         told = tmp_path / "told.json"
         variables = _variables(profile) | {
             "TRIGPOINT_GIVEN": json.dumps({key: str(value) for key, value in given.items()}),
@@ -119,7 +119,8 @@ def run_qgis(real_qgis, profile, tmp_path):  # noqa: ARG001
         }
         for name in ("QT_QPA_PLATFORM", "DISPLAY", "PYTHONPATH"):
             variables.pop(name, None)
-        command = ["unshare", "-n", "xvfb-run", "-a", "-s", f"-screen 0 {screen}x24", "qgis"]
+        command = ["unshare", "-n"] if alone else []
+        command += ["xvfb-run", "-a", "-s", f"-screen 0 {screen}x24", "qgis"]
         command += ["--profiles-path", str(profile.root), "--nologo", "--noversioncheck"]
         ended = _ended([*command, "--code", str(DRIVERS / f"{driver}.py")], variables, seconds)
         tail = (ended.stdout + ended.stderr)[-6000:]
@@ -141,7 +142,9 @@ def qgis_process(real_qgis, profile, archive):
         variables = _variables(profile) | {"QT_QPA_PLATFORM": "offscreen"}
         variables["QGIS_CUSTOM_CONFIG_PATH"] = str(profile.root)
         variables.pop("PYTHONPATH", None)
-        command = ["unshare", "-n", "qgis_process", "--json", "run", *map(str, arguments)]
+        # Debian's script round the program of 3.22 hands it an option that it does not know.
+        program = "qgis_process.bin" if shutil.which("qgis_process.bin") else "qgis_process"
+        command = ["unshare", "-n", program, "--json", "run", *map(str, arguments)]
         return _ended(command, variables, seconds)
 
     return run

@@ -71,6 +71,15 @@ def shot(name):
     QApplication.primaryScreen().grabWindow(0).save(str(path))
 
 
+def rendered(seconds=30):
+    """Wait until the map is drawn."""
+    canvas = iface.mapCanvas()
+    canvas.zoomToFullExtent()
+    breathe(0.5)
+    wait(lambda: not canvas.isDrawing(), "the map to be drawn", seconds)
+    breathe(0.5)
+
+
 def colours(widget):
     """Count the strongly coloured pixels that the user sees of a widget."""
     import numpy as np
