@@ -1,7 +1,8 @@
-"""Everything the panel can be told to do, with its keys: one table."""
+"""Everything the panel can be told to do, with its keys: one table, and when each can be done."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from qtpy.QtCore import Qt
@@ -9,6 +10,7 @@ from qtpy.QtGui import QAction, QKeySequence
 from qtpy.QtWidgets import QWidget
 
 from trigpoint_panel import stateline
+from trigpoint_panel.model import Model
 
 
 class Command(NamedTuple):
@@ -130,6 +132,34 @@ def make_actions(panel: QWidget) -> dict[str, QAction]:
         panel.addAction(action)
         made[name] = action
     return made
+
+
+def enable(
+    actions: Mapping[str, QAction], line: stateline.StateLine, model: Model, *, running: bool
+) -> None:
+    """Enable what can be done where things stand so, and name what undo and redo would do."""
+    for name, command in COMMANDS.items():
+        if command.needs:
+            actions[name].setEnabled(command.needs in line.enabled)
+    undo, redo = actions["undo"], actions["redo"]
+    for action, word, text in (
+        (undo, "Undo", model.undo_text),
+        (redo, "Redo", model.redo_text),
+    ):
+        action.setEnabled(bool(text) and not running)
+        said = f"{word} {text[:1].lower()}{text[1:]}" if text else word
+        action.setToolTip(f"{said} ({action.shortcut().toString()})")
+        action.setStatusTip(said)
+    second = model.state.is_second_operator
+    actions["second_begin"].setEnabled(bool(model.pairs) and not second)
+    for name in ("second_adopt", "second_keep", "second_cancel"):
+        actions[name].setEnabled(second)
+    actions["export_picks"].setEnabled(bool(model.pairs))
+    for name in ("link", "overlay"):
+        action = actions[name]
+        if action.isChecked() and model.similarity is None:
+            action.setChecked(False)  # there is nothing to tie or to carry it by
+    actions["swap"].setEnabled(actions["overlay"].isChecked())
 
 
 def keys_told() -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from trigpoint.errors import PicksError
 from trigpoint.picks import FARTHEST
-from trigpoint_panel.pairs import ROLES, SIDES, Pair, Side, sigma_of
+from trigpoint_panel.pairs import ROLES, SIDES, Pair, Pairs, Place, Side, find, sigma_of
 
 Column = Literal[
     "id",
@@ -30,6 +30,38 @@ PLACES: dict[str, tuple[Side, int]] = {
 # A place of which some coordinates are typed already.
 Draft = tuple[float | None, float | None, float | None]
 NOTHING: Draft = (None, None, None)
+
+
+class Drafts:
+    """Halves that are typed in part, each until it is whole."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, Side], Draft] = {}
+
+    def of(self, name: str, side: Side) -> Draft:
+        """Return what is typed so far of a half."""
+        return self._kept.get((name, side), NOTHING)
+
+    def typed(self, name: str, side: Side, draft: Draft) -> Place | None:
+        """Keep what is typed so far; return the place, kept no longer, once it is whole."""
+        x, y, z = draft
+        if x is None or y is None or z is None:
+            self._kept[name, side] = draft
+            return None
+        self._kept.pop((name, side), None)
+        return x, y, z
+
+    def keep_open(self, pairs: Pairs) -> None:
+        """Forget those whose half has been picked, or whose pair has gone."""
+        self._kept = {
+            (name, side): draft
+            for (name, side), draft in self._kept.items()
+            if (pair := find(pairs, name)) is not None and pair.at(side) is None
+        }
+
+    def clear(self) -> None:
+        """Forget them all."""
+        self._kept.clear()
 
 
 def typed_place(half: Draft, axis: int, text: str) -> Draft:

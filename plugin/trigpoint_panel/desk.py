@@ -15,6 +15,7 @@ from trigpoint.errors import CrsError, TrigpointError
 from trigpoint.files import carry
 from trigpoint_panel.advice import advised
 from trigpoint_panel.camera import Camera, kept_camera
+from trigpoint_panel.exchange import export_picks, import_picks, import_points
 from trigpoint_panel.foot import Foot
 from trigpoint_panel.host import Action, Host
 from trigpoint_panel.jobs import Job, Tick, told
@@ -199,7 +200,7 @@ class Desk(QObject):
     def import_picks(self, path: Path, *, replacing: bool = False) -> None:
         """Add the pairs of a picks.csv, or take them in place of the current ones."""
         try:
-            doubts = self._model.import_picks(path, replacing=replacing)
+            doubts = import_picks(self._model, path, replacing=replacing)
         except (TrigpointError, OSError) as error:
             instead: tuple[Action, ...] = ()
             if self._model.pairs and not replacing:
@@ -213,7 +214,7 @@ class Desk(QObject):
         """Let the user choose a list of points of one side."""
         path = self._host.open_file("Import points", "Point lists (*.txt *.csv);;All files (*)")
         if path is not None:
-            self._changed(self._model.import_points, path, side)
+            self._changed(import_points, self._model, path, side)
 
     def ask_export(self) -> None:
         """Let the user choose where the picks go; the ending says in which form."""
@@ -222,7 +223,7 @@ class Desk(QObject):
         if path is None:
             return
         try:
-            written = self._model.export_picks(path)
+            written = export_picks(self._model, path)
         except (TrigpointError, OSError) as error:
             self._host.message("error", told(error))
             return

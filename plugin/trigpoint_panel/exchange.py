@@ -13,6 +13,7 @@ import pyproj
 from trigpoint.canonical import write_text
 from trigpoint.errors import PicksError
 from trigpoint.picks import FARTHEST, examine, read_picks, write_picks
+from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import (
     SIDES,
     Pair,
@@ -26,6 +27,7 @@ from trigpoint_panel.pairs import (
     next_id,
     to_picks,
 )
+from trigpoint_panel.projects import reference_crs
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,39 @@ class Point:
 
     name: str
     xyz: Place
+
+
+def import_picks(model: Model, path: Path | str, *, replacing: bool = False) -> tuple[str, ...]:
+    """Add the pairs of a picks.csv, or take them in place of the current ones; return doubts.
+
+    See `with_picks`, also for what is refused.
+    """
+    model.refuse_second_operator()
+    crs = reference_crs(model.state.project)
+    kept = () if replacing else model.state.pairs
+    pairs, doubts = with_picks(kept, path, crs=crs)
+    model.step(f"Import {Path(path).name}", pairs=pairs)
+    return doubts
+
+
+def import_points(model: Model, path: Path | str, side: Side) -> tuple[str, ...]:
+    """Fill the halves of one side from a CloudCompare picking list; return the ids filled.
+
+    See `with_points`, also for what is refused.
+    """
+    model.refuse_second_operator()
+    pairs, filled = with_points(model.state.pairs, path, side)
+    model.step(f"Import {Path(path).name} as {side}", pairs=pairs)
+    return filled
+
+
+def export_picks(model: Model, path: Path | str) -> tuple[Path, ...]:
+    """Write the complete pairs as the path's ending says, and return the files written.
+
+    See `export_pairs`, also for what is refused.
+    """
+    pairs = model.state.first or model.state.pairs
+    return export_pairs(pairs, Path(path), crs=reference_crs(model.state.project))
 
 
 def with_picks(

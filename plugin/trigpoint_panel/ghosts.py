@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trigpoint_panel.pairs import Pair, Place, Side, place_of
+from trigpoint_panel.pairs import Pair, Pairs, Place, Side, place_of
 from trigpoint_panel.statistics import Fit
 
 # A click further from its ghost than this many RMSE, and than this, deserves a word.
@@ -63,3 +63,13 @@ def distance_doubt(ghost: Ghost, place: Place, fit: Fit) -> str:
     if apart <= max(GHOST_RMSES * fit.rmse_m, GHOST_M):
         return ""
     return f"{apart:.1f} m from where {ghost.pairs} pairs put it. Keep?"
+
+
+def doubt(pairs: Pairs, side: Side, place: Place, ghost: Ghost | None, fit: Fit | None) -> str:
+    """Say what is doubtful about a pick before it is made; empty: nothing."""
+    same = next((each.id for each in pairs if each.at(side) == place), None)
+    if same is not None:
+        return f"That is {same}'s point already. Keep?"
+    if ghost is None or fit is None or ghost.side != side:
+        return ""
+    return distance_doubt(ghost, place, fit)

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from trigpoint.errors import PicksError
 from trigpoint.project import Project
 from trigpoint.similarity import Similarity
-from trigpoint_panel.cells import NOTHING, PLACES, Column, Draft, typed_cell, typed_place
-from trigpoint_panel.exchange import export_pairs, with_picks, with_points
-from trigpoint_panel.ghosts import Ghost, distance_doubt, predict
+from trigpoint_panel.cells import PLACES, Column, Draft, Drafts, typed_cell, typed_place
+from trigpoint_panel.clicks import Placed, clicked
+from trigpoint_panel.ghosts import Ghost, doubt, predict
 from trigpoint_panel.history import History
-from trigpoint_panel.operators import Repeatability, repeatability, second_round, with_sigmas
 from trigpoint_panel.pairs import (
     ROLES,
     Pair,
     Pairs,
-    Place,
     Role,
     Side,
     exchanged,
@@ -30,28 +27,11 @@ from trigpoint_panel.pairs import (
     next_id,
     place_of,
     refuse_taken,
-    waiting,
     without,
 )
-from trigpoint_panel.projects import checked, reference_crs
-from trigpoint_panel.state import Adopted, State, question, with_given, with_paths_of
-from trigpoint_panel.statistics import Fit, Survey, fit_pairs
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """What a click did.
-
-    Attributes
-    ----------
-    id : str
-        The pair whose half it filled.
-    warning : str
-        A doubt in one sentence, or empty.
-    """
-
-    id: str
-    warning: str
+from trigpoint_panel.projects import checked
+from trigpoint_panel.state import State, adopted_of, question, with_given, with_paths_of
+from trigpoint_panel.statistics import Fit, Survey, fit_pairs, survey_of
 
 
 class Model:
@@ -66,7 +46,7 @@ class Model:
         self._state = state or State()
         self._history = History()
         self._survey: Survey | None = None
-        self._drafts: dict[tuple[str, Side], Draft] = {}
+        self._drafts = Drafts()
         self._reported: object = None
 
     # What there is -----------------------------------------------------------------------------
@@ -123,14 +103,14 @@ class Model:
 
     def draft(self, name: str, side: Side) -> Draft:
         """Return what is typed so far of a half that is not whole yet."""
-        return self._drafts.get((name, side), NOTHING)
+        return self._drafts.of(name, side)
 
     @property
     def is_stale(self) -> bool:
         """Whether what enters the results changed since `mark_reported`; False without one."""
         return self._reported is not None and self._reported != question(self._state)
 
-    # Ways back ---------------------------------------------------------------------------------
+    # Steps and ways back -----------------------------------------------------------------------
 
     @property
     def undo_text(self) -> str:
@@ -158,6 +138,25 @@ class Model:
         self._state = state
         self._tell()
 
+    def step(self, text: str, **changes: Any) -> None:
+        """Change fields of the state, as one step that undo names; nothing where nothing does."""
+        after = replace(self._state, **changes)
+        if find(after.pairs, after.selected) is None:
+            after = replace(after, selected=None)
+        if "adopted" not in changes and question(after) != question(self._state):
+            after = replace(after, adopted=None)  # it refined a fit that is no more
+        if replace(after, selected=None) == replace(self._state, selected=None):
+            self._set(after)
+            return
+        self._history.add(text, self._state, after)
+        self._set(after)
+
+    def refuse_second_operator(self) -> None:
+        """Raise PicksError while a second operator picks."""
+        if self._state.is_second_operator:
+            message = "A second operator is picking: end that round first."
+            raise PicksError(message)
+
     # Clouds and settings -----------------------------------------------------------------------
 
     def open_cloud(self, side: Side, path: Path | str) -> None:
@@ -173,13 +172,8 @@ class Model:
         self._set(replace(self._state, project=project))
 
     def set_survey(self, extent: ArrayLike, places: ArrayLike) -> None:
-        """Say where the reference lies: lowest and highest corner, and points to pick at, metres.
-
-        A few thousand places, spread over it, are enough.
-        """
-        self._survey = Survey(
-            np.array(extent, np.float64).reshape(2, 3), np.array(places, np.float64).reshape(-1, 3)
-        )
+        """Say where the reference lies: see `trigpoint_panel.statistics.survey_of`."""
+        self._survey = survey_of(extent, places)
         self._tell()
 
     def set_alignment(self, **changes: Any) -> None:
@@ -253,24 +247,11 @@ class Model:
             For a coordinate that is not finite, and when a second operator has picked all.
         """
         place = place_of(xyz)
-        state = self._state
-        pair = waiting(state.pairs, state.selected, side, newest=not state.is_second_operator)
-        if pair is None and state.is_second_operator:
-            message = "Every pair is picked again on this side: end the second operator's round."
-            raise PicksError(message)
-        warning = self._doubt(pair, side, place)
-        known = state.pairs
-        if pair is None:
-            pair = Pair(next_id(known))
-            known = (*known, pair)
-        filled = pair.placed(side, place, sigma=sigma, note=note)
-        verb = "Complete" if filled.is_complete else "Pick"
-        pairs = exchanged(known, pair.id, filled)
-        selected = pair.id
-        if filled.is_complete and state.is_second_operator:
-            selected = next((each.id for each in pairs if not each.is_complete), pair.id)
-        self._step(f"{verb} {pair.id} in the {side}", pairs=pairs, selected=selected)
-        return Placed(pair.id, warning)
+        click = clicked(self._state, side, place, sigma=sigma, note=note)
+        ghost = None if click.found is None else self.ghost(click.found)
+        warning = doubt(self._state.pairs, side, place, ghost, self.fit if ghost else None)
+        self.step(click.text, pairs=click.pairs, selected=click.selected)
+        return Placed(click.id, warning)
 
     def drop_open_half(self) -> str | None:
         """Drop the selected half-open pair, else the last such; return its id, None without one."""
@@ -282,14 +263,14 @@ class Model:
             pairs = exchanged(self._state.pairs, pair.id, blank)
         else:
             pairs = without(self._state.pairs, {pair.id})
-        self._step(f"Drop {pair.id}", pairs=pairs)
+        self.step(f"Drop {pair.id}", pairs=pairs)
         return pair.id
 
     def new_pair(self) -> str:
         """Begin a pair with both halves open, to type its coordinates, and select it."""
-        self._refuse_second_operator()
+        self.refuse_second_operator()
         name = next_id(self._state.pairs)
-        self._step(f"New pair {name}", pairs=(*self._state.pairs, Pair(name)), selected=name)
+        self.step(f"New pair {name}", pairs=(*self._state.pairs, Pair(name)), selected=name)
         return name
 
     def move(
@@ -304,20 +285,20 @@ class Model:
         """Put one half of a pair somewhere else."""
         moved = self._known(name).placed(side, place_of(xyz), sigma=sigma, note=note)
         pairs = exchanged(self._state.pairs, name, moved)
-        self._step(f"Move {name} in the {side}", pairs=pairs)
+        self.step(f"Move {name} in the {side}", pairs=pairs)
 
     def reopen(self, name: str, side: Side) -> None:
         """Open one half of a pair again, so that the next click there picks it anew."""
         pair = self._known(name).placed(side, None)
         pairs = exchanged(self._state.pairs, name, pair)
-        self._step(f"Open {name} in the {side}", pairs=pairs, selected=name)
+        self.step(f"Open {name} in the {side}", pairs=pairs, selected=name)
 
     def delete(self, names: Collection[str]) -> None:
         """Delete pairs; nothing happens for ids that there are not."""
         gone = [pair.id for pair in self._state.pairs if pair.id in names]
         if gone:
             text = f"Delete {gone[0]}" if len(gone) == 1 else f"Delete {len(gone)} pairs"
-            self._step(text, pairs=without(self._state.pairs, gone))
+            self.step(text, pairs=without(self._state.pairs, gone))
 
     def rename(self, name: str, successor: str) -> None:
         """Give a pair another id.
@@ -336,7 +317,7 @@ class Model:
         bare = refuse_taken(self._state.pairs, successor)
         selected = bare if self._state.selected == name else self._state.selected
         pairs = exchanged(self._state.pairs, name, replace(pair, id=bare))
-        self._step(f"Rename {name} to {bare}", pairs=pairs, selected=selected)
+        self.step(f"Rename {name} to {bare}", pairs=pairs, selected=selected)
 
     def set_role(self, names: Collection[str], role: Role) -> None:
         """Make pairs control, check or off."""
@@ -344,7 +325,7 @@ class Model:
             replace(pair, role=role) if pair.id in names else pair for pair in self._state.pairs
         )
         who = next(iter(names)) if len(names) == 1 else f"{len(names)} pairs"
-        self._step(f"Set {who} to {role}", pairs=pairs)
+        self.step(f"Set {who} to {role}", pairs=pairs)
 
     def cycle_role(self, names: Collection[str]) -> None:
         """Take pairs from control to check, to off, to control; all as the first of them."""
@@ -372,97 +353,22 @@ class Model:
                 self.reopen(name, side)
                 return
             half = pair.at(side) or self.draft(name, side)
-            typed = typed_place(half, axis, text)
-            x, y, z = typed
-            if x is None or y is None or z is None:
-                self._drafts[name, side] = typed
+            place = self._drafts.typed(name, side, typed_place(half, axis, text))
+            if place is None:
                 self._tell()
-                return
-            self._drafts.pop((name, side), None)
-            if (x, y, z) != pair.at(side):
-                self.move(name, side, (x, y, z), note="typed")
+            elif place != pair.at(side):
+                self.move(name, side, place, note="typed")
         else:
             edited = typed_cell(pair, column, text)
-            self._step(f"Edit {name}", pairs=exchanged(self._state.pairs, name, edited))
-
-    # Files and operators -----------------------------------------------------------------------
-
-    def import_picks(self, path: Path | str, *, replacing: bool = False) -> tuple[str, ...]:
-        """Add the pairs of a picks.csv, or take them in place of the current ones; return doubts.
-
-        See `trigpoint_panel.exchange.with_picks`, also for what is refused.
-        """
-        self._refuse_second_operator()
-        crs = reference_crs(self._state.project)
-        kept = () if replacing else self._state.pairs
-        pairs, doubts = with_picks(kept, path, crs=crs)
-        self._step(f"Import {Path(path).name}", pairs=pairs)
-        return doubts
-
-    def import_points(self, path: Path | str, side: Side) -> tuple[str, ...]:
-        """Fill the halves of one side from a CloudCompare picking list; return the ids filled.
-
-        See `trigpoint_panel.exchange.with_points`, also for what is refused.
-        """
-        self._refuse_second_operator()
-        pairs, filled = with_points(self._state.pairs, path, side)
-        self._step(f"Import {Path(path).name} as {side}", pairs=pairs)
-        return filled
-
-    def export_picks(self, path: Path | str) -> tuple[Path, ...]:
-        """Write the complete pairs as the path's ending says, and return the files written.
-
-        See `trigpoint_panel.exchange.export_pairs`, also for what is refused.
-        """
-        pairs = self._state.first or self._state.pairs
-        return export_pairs(pairs, Path(path), crs=reference_crs(self._state.project))
-
-    def begin_second_operator(self) -> None:
-        """Hide the pairs, and have a second operator pick the same places again."""
-        self._refuse_second_operator()
-        blank = second_round(self._state.pairs)
-        self._step(
-            "Begin second operator", first=self._state.pairs, pairs=blank, selected=blank[0].id
-        )
-
-    def end_second_operator(self, *, adopt: bool) -> Repeatability:
-        """Bring the first operator's pairs back, and say how far two picks of a place lie apart.
-
-        Parameters
-        ----------
-        adopt : bool
-            Whether the pairs that state no sigma take the picking sigma found.
-
-        Raises
-        ------
-        PicksError
-            If no second operator is picking.
-        """
-        first = self._first_operator()
-        found = repeatability(first, self._state.pairs)
-        pairs = with_sigmas(first, found) if adopt else first
-        self._step("End second operator", pairs=pairs, first=None)
-        return found
-
-    def cancel_second_operator(self) -> None:
-        """Bring the first operator's pairs back, and forget the second's.
-
-        Raises
-        ------
-        PicksError
-            If no second operator is picking.
-        """
-        self._step("Cancel second operator", pairs=self._first_operator(), first=None)
+            self.step(f"Edit {name}", pairs=exchanged(self._state.pairs, name, edited))
 
     def adopt(self, similarity: Similarity) -> None:
         """Show and save the fit as ICP refined it, until a pair changes; the audit is as ever."""
-        flat = (*similarity.rotation.ravel().tolist(),)
-        adopted = Adopted(similarity.scale, flat, (*similarity.translation.tolist(),))
-        self._step("Adopt ICP", adopted=adopted)
+        self.step("Adopt ICP", adopted=adopted_of(similarity))
 
     def discard_adopted(self) -> None:
         """Go back to the fit."""
-        self._step("Discard ICP", adopted=None)
+        self.step("Discard ICP", adopted=None)
 
     # How it is done ----------------------------------------------------------------------------
 
@@ -473,39 +379,8 @@ class Model:
             raise PicksError(message)
         return pair
 
-    def _first_operator(self) -> Pairs:
-        if self._state.first is None:
-            message = "No second operator is picking."
-            raise PicksError(message)
-        return self._state.first
-
-    def _refuse_second_operator(self) -> None:
-        if self._state.is_second_operator:
-            message = "A second operator is picking: end that round first."
-            raise PicksError(message)
-
-    def _doubt(self, pair: Pair | None, side: Side, place: Place) -> str:
-        """Say what is doubtful about a pick before it is made."""
-        same = next((each.id for each in self._state.pairs if each.at(side) == place), None)
-        if same is not None:
-            return f"That is {same}'s point already. Keep?"
-        ghost = None if pair is None else self.ghost(pair)
-        return "" if ghost is None or ghost.side != side else distance_doubt(ghost, place, self.fit)
-
     def _change_project(self, text: str, **changes: Any) -> None:
-        self._step(text, project=checked(replace(self._state.project, **changes)))
-
-    def _step(self, text: str, **changes: Any) -> None:
-        after = replace(self._state, **changes)
-        if find(after.pairs, after.selected) is None:
-            after = replace(after, selected=None)
-        if "adopted" not in changes and question(after) != question(self._state):
-            after = replace(after, adopted=None)  # it refined a fit that is no more
-        if replace(after, selected=None) == replace(self._state, selected=None):
-            self._set(after)
-            return
-        self._history.add(text, self._state, after)
-        self._set(after)
+        self.step(text, project=checked(replace(self._state.project, **changes)))
 
     def _back_to(self, state: State | None) -> None:
         if state is not None:
@@ -514,11 +389,7 @@ class Model:
     def _set(self, state: State) -> None:
         if state != self._state:
             self._state = state
-            self._drafts = {
-                (name, side): draft
-                for (name, side), draft in self._drafts.items()
-                if (pair := find(state.pairs, name)) is not None and pair.at(side) is None
-            }
+            self._drafts.keep_open(state.pairs)
             self._tell()
 
     def _tell(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from trigpoint.errors import PicksError
 from trigpoint.repeats import Repeats, picking_sigma
+from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair, Pairs, Side, annotated
 
 
@@ -26,6 +27,44 @@ class Repeatability:
     source: Repeats | None
     target: Repeats | None
     statement: str
+
+
+def begin_second_operator(model: Model) -> None:
+    """Hide the pairs, and have a second operator pick the same places again."""
+    model.refuse_second_operator()
+    blank = second_round(model.state.pairs)
+    model.step("Begin second operator", first=model.state.pairs, pairs=blank, selected=blank[0].id)
+
+
+def end_second_operator(model: Model, *, adopt: bool) -> Repeatability:
+    """Bring the first operator's pairs back, and say how far two picks of a place lie apart.
+
+    Parameters
+    ----------
+    adopt : bool
+        Whether the pairs that state no sigma take the picking sigma found.
+
+    Raises
+    ------
+    PicksError
+        If no second operator is picking.
+    """
+    first = _first_operator(model)
+    found = repeatability(first, model.state.pairs)
+    pairs = with_sigmas(first, found) if adopt else first
+    model.step("End second operator", pairs=pairs, first=None)
+    return found
+
+
+def cancel_second_operator(model: Model) -> None:
+    """Bring the first operator's pairs back, and forget the second's.
+
+    Raises
+    ------
+    PicksError
+        If no second operator is picking.
+    """
+    model.step("Cancel second operator", pairs=_first_operator(model), first=None)
 
 
 def second_round(pairs: Pairs) -> Pairs:
@@ -67,6 +106,13 @@ def with_sigmas(pairs: Pairs, found: Repeatability) -> Pairs:
 
 def _stated(sigma: float | None, found: Repeats | None) -> float | None:
     return found.sigma if sigma is None and found is not None and found.sigma > 0 else sigma
+
+
+def _first_operator(model: Model) -> Pairs:
+    if model.state.first is None:
+        message = "No second operator is picking."
+        raise PicksError(message)
+    return model.state.first
 
 
 def _repeats(first: Pairs, second: Pairs, side: Side) -> Repeats | None:

@@ -2,56 +2,42 @@
 
 from __future__ import annotations
 
-import math
-import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qtpy.QtCore import QEvent, QStandardPaths, Qt, QTimer, Signal
+from qtpy.QtCore import QEvent, Qt, QTimer, Signal
 from qtpy.QtGui import QDragEnterEvent, QDropEvent, QKeyEvent
-from qtpy.QtWidgets import (
-    QAbstractSpinBox,
-    QFrame,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QPlainTextEdit,
-    QSplitter,
-    QTabWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from qtpy.QtWidgets import QAbstractSpinBox, QLineEdit, QPlainTextEdit, QWidget
 
 from trigpoint.errors import TrigpointError
-from trigpoint_panel.actions import COMMANDS, make_actions
+from trigpoint_panel.actions import COMMANDS, enable, make_actions
 from trigpoint_panel.align_tab import AlignTab
-from trigpoint_panel.auditing import Audited, audit
+from trigpoint_panel.arrangement import arrange, stacked, tabbed
 from trigpoint_panel.bar import Bar
 from trigpoint_panel.canvas import CanvasKind
 from trigpoint_panel.desk import Desk
-from trigpoint_panel.errors_tab import ErrorsTab, question
+from trigpoint_panel.errors_tab import ErrorsTab
+from trigpoint_panel.folders import demo_folder, scratch_folder
 from trigpoint_panel.foot import Foot
-from trigpoint_panel.forms import say
+from trigpoint_panel.hands import Hands
 from trigpoint_panel.help import KeysWindow
 from trigpoint_panel.host import Host
-from trigpoint_panel.jobs import Job, Tick, told
-from trigpoint_panel.measuring import Bench, Findings
+from trigpoint_panel.jobs import Job, told
 from trigpoint_panel.model import Model
-from trigpoint_panel.opening import Opened
+from trigpoint_panel.operators import begin_second_operator, cancel_second_operator
 from trigpoint_panel.pairs import SIDES, Side
 from trigpoint_panel.report_tab import ReportTab
+from trigpoint_panel.runs import Runs
 from trigpoint_panel.session import Session
-from trigpoint_panel.state import State
 from trigpoint_panel.stateline import StateLine, state_line
 from trigpoint_panel.style import look_of, sheet, theme_of
 from trigpoint_panel.table import PairTable
-from trigpoint_panel.view import Picked
+from trigpoint_panel.totals import Totals
 from trigpoint_panel.views import TwoViews
 
 AUTOSAVE_MS = 400
-NO_BREAK = "\N{NO-BREAK SPACE}"
 OPACITY = 0.6  # of the overlay, at first
 SIZES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # of points, in pixels
 
@@ -94,7 +80,6 @@ class Panel(QWidget):
         self.model = model or Model()
         self.session = Session(self.model, scratch=scratch or scratch_folder())
         self.failure = ""
-        self._bench = Bench()
         self._theme = ""
         self._closed = False
         self._keys: KeysWindow | None = None
@@ -108,8 +93,14 @@ class Panel(QWidget):
         self.errors_tab = ErrorsTab(self.model, self)
         self.report_tab = ReportTab(self.model, self)
         self.foot = Foot(host.run, self)
+        self.hands = Hands(host, self.model, self.views, self.table)
         self.desk = Desk(host, self.model, self.session, self.views, self.foot)
-        self._lay_out()
+        tabs = (self.align_tab, self.errors_tab, self.report_tab)
+        self.tabs = tabbed(self, dict(zip(("Align", "Errors", "Report"), tabs, strict=True)))
+        front = self.tabs.setCurrentWidget
+        self.runs = Runs(host, self.model, self.desk, self.views, self.foot, tabs, front)
+        self.upright = stacked(self, self.views, self.table, self.totals)
+        self.across = arrange(self, self.bar, self.upright, self.tabs, self.foot)
 
         self._autosave = QTimer(self)
         self._autosave.setSingleShot(True)
@@ -146,59 +137,19 @@ class Panel(QWidget):
 
     def open_demo(self, folder: Path | None = None) -> Job:
         """Make the clock tower, unless it is there, and open it."""
-        place = folder or demo_folder()
-        project = place / "project.toml"
-
-        def work(tick: Tick) -> Path:
-            if not project.is_file():
-                from trigpoint.synthetic import clock_tower, write_project
-
-                tick(None, "Building the clock tower and its three sensors")
-                write_project(place, clock_tower())
-            return project
-
-        job = self._begin(Job("Making the clock tower", work))
-        job.done.connect(self.open_session)
-        return job
+        return self.runs.open_demo(folder or demo_folder())
 
     def compare(self) -> Job | None:
         """Measure accuracy and completeness of the source as the views show it."""
-        source, target = self.views.opened["source"], self.views.opened["target"]
-        similarity, state = self.model.similarity, self.model.state
-        if source is None or target is None or similarity is None:
-            return None
-        asked = question(self.model)
-        job = Job(
-            "Comparing",
-            lambda tick: self._bench.compare(tick, state, similarity, source.cloud, target.cloud),
-        )
-        job.done.connect(
-            lambda findings: self._compared(findings, asked, {"source": source, "target": target})
-        )
-        self.tabs.setCurrentWidget(self.errors_tab)
-        return self._begin(job)
+        return self.runs.compare()
 
     def try_icp(self) -> Job | None:
         """Put ICP on trial on the fit."""
-        alignment, state = self.model.fit.alignment, self.model.state
-        if alignment is None:
-            return None
-        job = Job("ICP", lambda tick: self._bench.try_icp(tick, state, alignment))
-        job.done.connect(lambda trial: self.align_tab.set_trial(trial, alignment))
-        self.tabs.setCurrentWidget(self.align_tab)
-        return self._begin(job)
+        return self.runs.try_icp()
 
     def make_report(self) -> Job | None:
         """Write the project, and run the audit on it in a process of its own."""
-        self.report_tab.take_limitations()
-        self.tabs.setCurrentWidget(self.report_tab)
-        if not self.desk.project_written():
-            return None
-        project, python = self.model.state.project, self.host.python()
-        asked = self.model.state
-        job = Job("Audit", lambda tick: audit(tick, python, project))
-        job.done.connect(lambda audited: self._audited(audited, asked))
-        return self._begin(job)
+        return self.runs.make_report()
 
     def cancel(self) -> bool:
         """Give up on what runs; tell whether anything did."""
@@ -238,53 +189,10 @@ class Panel(QWidget):
             self.setStyleSheet(sheet(look_of(self)))
             self.bar.restyle(look_of(self))
 
-    # How it is laid out ------------------------------------------------------------------------
-
-    def _lay_out(self) -> None:
-        self.tabs = QTabWidget(self)
-        self.tabs.setDocumentMode(True)
-        for name, tab in (
-            ("Align", self.align_tab),
-            ("Errors", self.errors_tab),
-            ("Report", self.report_tab),
-        ):
-            self.tabs.addTab(tab, name)
-        widest = max(tab.needed for tab in (self.align_tab, self.errors_tab, self.report_tab))
-        self.tabs.setMinimumWidth(widest)
-        under = QWidget(self)
-        column = QVBoxLayout(under)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self.table, 1)
-        column.addWidget(self.totals)
-        self.upright = QSplitter(Qt.Orientation.Vertical, self)
-        self.upright.addWidget(self.views)
-        self.upright.addWidget(under)
-        self.upright.setStretchFactor(0, 3)
-        self.upright.setStretchFactor(1, 1)
-        self.upright.setSizes([470, 200])
-        self.upright.setChildrenCollapsible(False)
-        self.across = QSplitter(Qt.Orientation.Horizontal, self)
-        self.across.addWidget(self.upright)
-        self.across.addWidget(self.tabs)
-        self.across.setStretchFactor(0, 1)
-        self.across.setStretchFactor(1, 0)
-        self.across.setSizes([1030, max(336, widest)])
-        self.across.setCollapsible(0, False)
-        whole = QVBoxLayout(self)
-        whole.setContentsMargins(0, 0, 0, 0)
-        whole.setSpacing(0)
-        whole.addWidget(self.bar)
-        whole.addWidget(self.across, 1)
-        line = QFrame(self)
-        line.setObjectName("rule")
-        line.setFixedHeight(1)
-        whole.addWidget(line)
-        whole.addWidget(self.foot)
-        self.setMinimumSize(480, 320)
+    # How it is put together --------------------------------------------------------------------
 
     def _connect(self) -> None:
-        model, desk, views = self.model, self.desk, self.views
+        model, desk, views, hands = self.model, self.desk, self.views, self.hands
         does: dict[str, Callable[[], object]] = {
             "open_source": partial(desk.ask_cloud, "source"),
             "open_target": partial(desk.ask_cloud, "target"),
@@ -293,11 +201,11 @@ class Panel(QWidget):
             "swap": views.target.swap,
             "escape": self._escape,
             "delete": lambda: model.delete(self.table.chosen()),
-            "role": self._cycle_role,
-            "new_pair": self._type_pair,
-            "next_pair": partial(self._walk, 1),
-            "previous_pair": partial(self._walk, -1),
-            "ghost": self._fly_to_ghost,
+            "role": hands.cycle_role,
+            "new_pair": hands.type_pair,
+            "next_pair": partial(hands.walk, 1),
+            "previous_pair": partial(hands.walk, -1),
+            "ghost": hands.fly_to_ghost,
             "fit_view": views.fit,
             "front": partial(views.look, "front"),
             "right": partial(views.look, "right"),
@@ -314,10 +222,10 @@ class Panel(QWidget):
             "import_target": partial(desk.ask_points, "target"),
             "export_picks": desk.ask_export,
             "save_aligned": desk.save_aligned,
-            "second_begin": model.begin_second_operator,
-            "second_adopt": partial(self._end_second, adopt=True),
-            "second_keep": partial(self._end_second, adopt=False),
-            "second_cancel": model.cancel_second_operator,
+            "second_begin": partial(begin_second_operator, model),
+            "second_adopt": partial(hands.end_second, adopt=True),
+            "second_keep": partial(hands.end_second, adopt=False),
+            "second_cancel": partial(cancel_second_operator, model),
             "compare": self.compare,
             "icp": self.try_icp,
             "report": self.make_report,
@@ -340,26 +248,27 @@ class Panel(QWidget):
         assert {*does, *switches} == set(COMMANDS)
         for side in SIDES:
             view = views.view(side)
-            view.picked.connect(partial(self._picked, side))
+            view.picked.connect(partial(hands.take, side))
             view.refused.connect(partial(self.host.message, "info"))
             view.dropped.connect(lambda path, side=side: desk.open_dropped(Path(path), side))
         views.hovered.connect(self.foot.where.setText)
-        views.clouds_changed.connect(self._drop_findings)
+        views.clouds_changed.connect(self.runs.drop_findings)
         self.bar.snap_changed.connect(views.set_snap)
         views.target.set_overlay_opacity(OPACITY)
-        self.table.flown.connect(self._fly)
+        self.table.flown.connect(hands.fly)
         self.table.refused.connect(partial(self.host.message, "error"))
-        self.table.role_wanted.connect(self._cycle_role)
+        self.table.role_wanted.connect(hands.cycle_role)
         self.align_tab.icp_wanted.connect(self.try_icp)
         self.align_tab.save_wanted.connect(desk.save_aligned)
         self.align_tab.place_wanted.connect(views.fly_to_target)
         self.errors_tab.compare_wanted.connect(self.compare)
-        self.errors_tab.zone_chosen.connect(self._isolate)
+        self.errors_tab.zone_chosen.connect(self.runs.isolate)
         self.report_tab.report_wanted.connect(self.make_report)
         self.report_tab.document_wanted.connect(self.host.open_document)
         for tab in (self.align_tab, self.errors_tab, self.report_tab):
             tab.refused.connect(partial(self.host.message, "error"))
         self.action("overlay").toggled.connect(lambda _: self._show_state())
+        self.runs.failed.connect(self._failed)
         self.foot.changed.connect(self._show_state)
         self.foot.went_on.connect(lambda: self.foot.show_line(self.line))
 
@@ -372,30 +281,10 @@ class Panel(QWidget):
 
     def _show_state(self) -> None:
         """Show the state line, and enable what goes with it."""
-        line, model = self.line, self.model
+        line = self.line
         self.foot.show_line(line)
-        for name, command in COMMANDS.items():
-            if command.needs:
-                self.actions_by_name[name].setEnabled(command.needs in line.enabled)
-        undo, redo = self.action("undo"), self.action("redo")
-        for action, word, text in (
-            (undo, "Undo", model.undo_text),
-            (redo, "Redo", model.redo_text),
-        ):
-            action.setEnabled(bool(text) and self.foot.running is None)
-            said = f"{word} {text[:1].lower()}{text[1:]}" if text else word
-            action.setToolTip(f"{said} ({action.shortcut().toString()})")
-            action.setStatusTip(said)
-        second = model.state.is_second_operator
-        self.action("second_begin").setEnabled(bool(model.pairs) and not second)
-        for name in ("second_adopt", "second_keep", "second_cancel"):
-            self.action(name).setEnabled(second)
-        self.action("export_picks").setEnabled(bool(model.pairs))
-        for name in ("link", "overlay"):
-            action = self.action(name)
-            if action.isChecked() and model.similarity is None:
-                action.setChecked(False)  # there is nothing to tie or to carry it by
-        self.action("swap").setEnabled(self.action("overlay").isChecked())
+        running = self.foot.running is not None
+        enable(self.actions_by_name, line, self.model, running=running)
         both = all(each is not None for each in self.views.opened.values())
         self.align_tab.refresh(can_run="errors" in line.enabled and both)
         self.errors_tab.refresh(can_run="errors" in line.enabled and both)
@@ -407,60 +296,9 @@ class Panel(QWidget):
         except (TrigpointError, OSError) as error:
             self.host.message("error", f"{COMMANDS[name].text.rstrip('…')}: {told(error)}")
 
-    def _begin(self, job: Job) -> Job:
-        job.failed.connect(self._failed)
-        return self.foot.begin(job)
-
-    def _failed(self, text: str, details: str) -> None:
+    def _failed(self, text: str) -> None:
         self.failure = text
-        self.host.message("error", text, details)
         self._show_state()
-
-    def _picked(self, side: Side, picked: Picked) -> None:
-        try:
-            placed = self.model.place(side, picked.xyz, sigma=picked.sigma, note=picked.note)
-        except TrigpointError as error:
-            self.host.message("error", str(error))
-            return
-        if placed.warning:
-            text = f"{placed.id} in the {side}: {placed.warning}"
-            keep: tuple[str, Callable[[], object]] = ("Keep", lambda: None)
-            self.host.message("warning", text, "", (keep, ("Undo", self.model.undo)))
-
-    def _escape(self) -> None:
-        if self.cancel() or self.model.drop_open_half() is not None:
-            return
-        self.action("pick").setChecked(False)
-
-    def _cycle_role(self) -> None:
-        names = self.table.chosen() or [p.id for p in (self.model.selected,) if p is not None]
-        self.model.cycle_role(names)
-
-    def _type_pair(self) -> None:
-        name = self.model.new_pair()
-        self.table.setFocus()
-        index = self.table.index_of(name, "source_x")
-        self.table.setCurrentIndex(index)
-        self.table.edit(index)
-
-    def _walk(self, step: int) -> None:
-        self.model.select_next(step)
-        if self.model.selected is not None:
-            self.views.fly_to(self.model.selected)
-
-    def _fly(self, name: str) -> None:
-        self.model.select(name)
-        if self.model.selected is not None:
-            self.views.fly_to(self.model.selected)
-
-    def _fly_to_ghost(self) -> None:
-        ghost = self.model.ghost()
-        if ghost is None:
-            self.host.message(
-                "info", "There is no ghost: it needs a fit, and a pair with one half open."
-            )
-        else:
-            self.views.view(ghost.side).fly_to(ghost.xyz)
 
     def _resize_points(self, step: int) -> None:
         size = float(self.host.setting("view/point_size", 2.0))
@@ -474,46 +312,10 @@ class Panel(QWidget):
         for side in SIDES:
             self.views.view(side).set_eye_dome(on)
 
-    def _end_second(self, *, adopt: bool) -> None:
-        found = self.model.end_second_operator(adopt=adopt)
-        self.host.message("success", found.statement)
-
-    def _compared(
-        self, findings: Findings, asked: object, measured: dict[Side, Opened | None]
-    ) -> None:
-        if any(measured[side] is not self.views.opened[side] for side in SIDES):
-            self.host.message("info", "Another cloud was opened meanwhile: compare again.")
+    def _escape(self) -> None:
+        if self.cancel() or self.model.drop_open_half() is not None:
             return
-        self.views.set_findings(findings)
-        self.errors_tab.set_findings(findings, asked)
-
-    def _drop_findings(self) -> None:
-        """Forget distances and zones: they were one for each point of a cloud that has gone."""
-        if self.errors_tab.findings is None:
-            return
-        self.errors_tab.set_findings(None)
-        self.views.set_findings(None)
-        for side in SIDES:
-            self.views.view(side).isolate(None)
-
-    def _isolate(self, zone: str | None) -> None:
-        findings = self.errors_tab.findings
-        if findings is not None:
-            self.views.isolate(findings, zone)
-
-    def _audited(self, audited: Audited, asked: State) -> None:
-        self.model.mark_reported(asked)
-        self.report_tab.set_audited(audited)
-        documents = audited.documents
-        ways: list[tuple[str, Callable[[], object]]] = [
-            (f"Open {path.suffix[1:].upper()}", partial(self.host.open_document, path))
-            for path in documents
-        ]
-        text = f"The report is done: {audited.verdict}. It is in {audited.folder}."
-        self.host.message("success", text, "", ways)
-        self.host.add_layer(audited.folder, "bundle")
-        if documents and self.report_tab.opens.isChecked():
-            self.host.open_document(documents[0])
+        self.action("pick").setChecked(False)
 
     def _show_keys(self) -> None:
         if self._keys is None:
@@ -530,7 +332,7 @@ class Panel(QWidget):
                 self.views.magnify(True)
             event.accept()
         elif event.key() == Qt.Key.Key_Space and not _is_typing(self.focusWidget()):
-            self._cycle_role()
+            self.hands.cycle_role()
             event.accept()
         else:
             super().keyPressEvent(event)
@@ -564,49 +366,5 @@ class Panel(QWidget):
         event.acceptProposedAction()
 
 
-class Totals(QWidget):
-    """What stands under the table: the three errors that sum it up, and the layout's verdict."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 3, 8, 3)
-        row.setSpacing(14)
-        self.numbers, self.layout_verdict = QLabel(self), QLabel(self)
-        self.numbers.setWordWrap(True)  # in a narrow dock they take two lines
-        row.addWidget(self.numbers, 1)
-        row.addWidget(self.layout_verdict)
-
-    def refresh(self, model: Model) -> None:
-        """Take over what the model holds now."""
-        fit = model.fit
-        used = int(fit.table["used"].sum())
-        parts = (
-            f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})",
-            f"check {_metres(fit.check_rmse_m)} ({fit.checks})",
-            f"leave-one-out {_metres(fit.loocv_rmse_m)}",
-        )
-        self.numbers.setText("   ".join(part.replace(" ", NO_BREAK) for part in parts))
-        words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
-        levels = {"sound": "success", "weak": "warning", "refused": "error"}
-        say(self.layout_verdict, words.get(fit.geometry, ""), levels.get(fit.geometry, ""))
-        self.layout_verdict.setToolTip(fit.statement)
-
-
-def scratch_folder() -> Path:
-    """Return where changes that have no file yet are autosaved."""
-    place = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
-    return Path(place or tempfile.gettempdir()) / "trigpoint" / "unsaved"
-
-
-def demo_folder() -> Path:
-    """Return where the clock tower is kept."""
-    return scratch_folder().parent / "demo"
-
-
 def _is_typing(widget: QWidget | None) -> bool:
     return isinstance(widget, QLineEdit | QPlainTextEdit | QAbstractSpinBox)
-
-
-def _metres(value: float) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.3f} m"

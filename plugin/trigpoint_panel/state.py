@@ -57,6 +57,12 @@ class Adopted:
         )
 
 
+def adopted_of(similarity: Similarity) -> Adopted:
+    """Return a similarity as a state holds it."""
+    flat = (*similarity.rotation.ravel().tolist(),)
+    return Adopted(similarity.scale, flat, (*similarity.translation.tolist(),))
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """All of a session that is saved and undone.

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from trigpoint.alignment import Alignment, align
 from trigpoint.cautions import Caution
@@ -68,6 +68,16 @@ class Survey:
 
     extent: NDArray[np.float64]
     places: Points
+
+
+def survey_of(extent: ArrayLike, places: ArrayLike) -> Survey:
+    """Say where the reference lies: lowest and highest corner, and points to pick at, metres.
+
+    A few thousand places, spread over it, are enough.
+    """
+    return Survey(
+        np.array(extent, np.float64).reshape(2, 3), np.array(places, np.float64).reshape(-1, 3)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

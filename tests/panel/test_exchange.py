@@ -4,7 +4,7 @@ import pytest
 
 from trigpoint.errors import CrsError, PicksError
 from trigpoint.picks import read_picks
-from trigpoint_panel.exchange import read_point_list
+from trigpoint_panel.exchange import export_picks, import_picks, import_points, read_point_list
 from trigpoint_panel.model import Model
 
 HEADER = "id,source_x,source_y,source_z,target_x,target_y,target_z,role,photo\n"
@@ -23,14 +23,14 @@ def model():
 
 def test_picks_are_imported_beside_or_in_place_of_the_pairs(model, tmp_path):
     (tmp_path / "picks.csv").write_text(HEADER + ROWS)
-    assert model.import_picks(tmp_path / "picks.csv") == ()
+    assert import_picks(model, tmp_path / "picks.csv") == ()
     assert [pair.id for pair in model.pairs] == ["P1", "P2", "P3", "P4", "a", "b"]
     assert model.pairs[4].role == "check"
     assert model.pairs[4].target == (741008.25, 4279056.5, 153.125)
     assert model.undo_text == "Import picks.csv"
     with pytest.raises(PicksError, match=r"^a, b are there already: rename, or import in place"):
-        model.import_picks(tmp_path / "picks.csv")
-    model.import_picks(tmp_path / "picks.csv", replacing=True)
+        import_picks(model, tmp_path / "picks.csv")
+    import_picks(model, tmp_path / "picks.csv", replacing=True)
     assert [pair.id for pair in model.pairs] == ["a", "b"]
     model.undo()
     model.undo()
@@ -40,16 +40,16 @@ def test_picks_are_imported_beside_or_in_place_of_the_pairs(model, tmp_path):
 def test_doubts_about_imported_picks_are_sentences(tmp_path):
     rows = "a,1,2,3,4,5,6,,\nb,1,2,3,7,8,9,,\n"
     (tmp_path / "picks.csv").write_text(HEADER + rows)
-    (doubt,) = Model().import_picks(tmp_path / "picks.csv")
+    (doubt,) = import_picks(Model(), tmp_path / "picks.csv")
     assert "same source coordinates" in doubt
 
 
 def test_exported_picks_are_the_engines_with_other_columns_kept(tmp_path):
     model = Model()
     (tmp_path / "picks.csv").write_text(HEADER + ROWS)
-    model.import_picks(tmp_path / "picks.csv")
+    import_picks(model, tmp_path / "picks.csv")
     model.place("source", [9, 9, 9])
-    assert model.export_picks(tmp_path / "out.csv") == (tmp_path / "out.csv",)
+    assert export_picks(model, tmp_path / "out.csv") == (tmp_path / "out.csv",)
     picks = read_picks(tmp_path / "out.csv")
     assert picks.ids == ("a", "b")
     assert picks.extra["photo"].tolist() == ["7", ""]
@@ -59,10 +59,10 @@ def test_targets_in_feet_are_metres_inside_and_feet_in_the_file(tmp_path):
     model = Model()
     model.set_reference(crs="EPSG:2263")
     (tmp_path / "picks.csv").write_text(HEADER + "a,1,2,3,1000,2000,30,,\n")
-    (doubt,) = model.import_picks(tmp_path / "picks.csv")
+    (doubt,) = import_picks(model, tmp_path / "picks.csv")
     assert "feet" in doubt or "foot" in doubt
     assert model.pairs[0].target[0] == pytest.approx(1000 * 1200 / 3937)
-    model.export_picks(tmp_path / "out.csv")
+    export_picks(model, tmp_path / "out.csv")
     assert ",1000.0,2000.0," in (tmp_path / "out.csv").read_text()
 
 
@@ -71,7 +71,7 @@ def test_a_reference_in_degrees_is_refused_in_the_engines_words(tmp_path):
     model.set_reference(crs="EPSG:4326")
     (tmp_path / "picks.csv").write_text(HEADER + ROWS)
     with pytest.raises(CrsError, match="degree"):
-        model.import_picks(tmp_path / "picks.csv")
+        import_picks(model, tmp_path / "picks.csv")
 
 
 @pytest.mark.parametrize(
@@ -87,18 +87,18 @@ def test_lists_of_other_programs_are_recognised_and_explained(model, tmp_path, t
     (tmp_path / "list.txt").write_text(text)
     before = model.state
     with pytest.raises(PicksError, match=words):
-        model.import_picks(tmp_path / "list.txt")
+        import_picks(model, tmp_path / "list.txt")
     assert model.state == before
 
 
 def test_a_cloudcompare_list_fills_one_side_by_name_else_in_order(model, tmp_path):
     (tmp_path / "targets.txt").write_text("P4,1.5,2.5,3.5\nroof,4,5,6\n")
-    assert model.import_points(tmp_path / "targets.txt", "target") == ("P4", "roof")
+    assert import_points(model, tmp_path / "targets.txt", "target") == ("P4", "roof")
     assert model.pairs[3].is_complete
     assert model.pairs[4].open_side == "source"
     assert model.pairs[3].note == "[target: from targets.txt]"
     (tmp_path / "sources.asc").write_text("//X Y Z\n0.5 0.25 7\n")
-    assert model.import_points(tmp_path / "sources.asc", "source") == ("roof",)
+    assert import_points(model, tmp_path / "sources.asc", "source") == ("roof",)
     assert model.undo_text == "Import sources.asc as source"
 
 
@@ -133,18 +133,18 @@ def test_what_is_no_point_list_is_refused_with_its_line(model, tmp_path, content
     (tmp_path / "list.txt").write_bytes(content)
     before = model.state
     with pytest.raises(PicksError, match=words):
-        model.import_points(tmp_path / "list.txt", "source")
+        import_points(model, tmp_path / "list.txt", "source")
     assert model.state == before
 
 
 def test_a_missing_list_is_told_in_one_sentence(model, tmp_path):
     with pytest.raises(PicksError, match=r"^gone.txt can't be read: No such file"):
-        model.import_points(tmp_path / "gone.txt", "source")
+        import_points(model, tmp_path / "gone.txt", "source")
 
 
 def test_cloudcompare_lists_come_back_to_the_bit(model, tmp_path):
     model.rename("P2", "roof, top")
-    written = model.export_picks(tmp_path / "picks.txt")
+    written = export_picks(model, tmp_path / "picks.txt")
     assert [path.name for path in written] == ["picks-source.txt", "picks-target.txt"]
     points = read_point_list(written[1])
     assert [point.name for point in points] == ["P1", "roof_top", "P3"]
@@ -154,7 +154,7 @@ def test_cloudcompare_lists_come_back_to_the_bit(model, tmp_path):
 def test_qgis_points_hold_the_plan_with_the_crs(model, tmp_path):
     model.set_reference(crs="EPSG:32615")
     model.set_role({"P2"}, "check")
-    model.export_picks(tmp_path / "picks.points")
+    export_picks(model, tmp_path / "picks.points")
     lines = (tmp_path / "picks.points").read_text().splitlines()
     assert pyproj.CRS(lines[0].removeprefix("#CRS: ")).to_epsg() == 32615
     assert lines[1] == "mapX,mapY,sourceX,sourceY,enable,dX,dY,residual"
@@ -164,13 +164,13 @@ def test_qgis_points_hold_the_plan_with_the_crs(model, tmp_path):
 
 def test_what_can_not_be_exported_is_refused_in_one_sentence(model, tmp_path):
     with pytest.raises(PicksError, match=r"not as .xlsx\.$"):
-        model.export_picks(tmp_path / "picks.xlsx")
+        export_picks(model, tmp_path / "picks.xlsx")
     (tmp_path / "file").write_text("")
     for name in ("picks.csv", "picks.txt", "picks.points"):
         with pytest.raises(PicksError, match="can't be written"):
-            model.export_picks(tmp_path / "file" / name)
+            export_picks(model, tmp_path / "file" / name)
     with pytest.raises(PicksError, match="no complete pair"):
-        Model().export_picks(tmp_path / "picks.csv")
+        export_picks(Model(), tmp_path / "picks.csv")
 
 
 def test_imported_picks_fit_as_they_do_on_the_command_line(tmp_path):
@@ -179,8 +179,8 @@ def test_imported_picks_fit_as_they_do_on_the_command_line(tmp_path):
     for place in rng.uniform(0, 9, (5, 3)):
         model.place("source", place)
         model.place("target", 2 * place + rng.normal(scale=0.01, size=3))
-    model.export_picks(tmp_path / "picks.csv")
+    export_picks(model, tmp_path / "picks.csv")
     other = Model()
-    other.import_picks(tmp_path / "picks.csv")
+    import_picks(other, tmp_path / "picks.csv")
     assert other.pairs == model.pairs
     assert other.fit.rmse_m == model.fit.rmse_m

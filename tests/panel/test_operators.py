@@ -3,8 +3,15 @@ import pytest
 
 from trigpoint.errors import PicksError
 from trigpoint.repeats import picking_sigma
+from trigpoint_panel.exchange import import_picks, import_points
 from trigpoint_panel.model import Model
-from trigpoint_panel.operators import repeatability, second_round
+from trigpoint_panel.operators import (
+    begin_second_operator,
+    cancel_second_operator,
+    end_second_operator,
+    repeatability,
+    second_round,
+)
 from trigpoint_panel.pairs import Pair
 
 PLACES = np.random.default_rng(2).uniform(0, 10, (6, 3))
@@ -22,7 +29,7 @@ def model(offset):
 
 
 def test_a_second_operator_sees_names_and_descriptions_alone(model):
-    model.begin_second_operator()
+    begin_second_operator(model)
     assert [pair.id for pair in model.pairs] == ["P1", "P2", "P3", "P4", "P5"]
     assert all(pair.source is pair.target is None for pair in model.pairs)
     assert [pair.note for pair in model.pairs] == ["", "sill", "", "", ""]
@@ -30,7 +37,7 @@ def test_a_second_operator_sees_names_and_descriptions_alone(model):
 
 
 def test_a_second_operator_gets_no_ghost(model):
-    model.begin_second_operator()
+    begin_second_operator(model)
     for place in PLACES[:3]:
         model.place("source", place)
         model.place("target", 3 * place)
@@ -40,7 +47,7 @@ def test_a_second_operator_gets_no_ghost(model):
 
 
 def test_a_second_operator_goes_through_the_pairs_in_order_in_one_view_or_both(model):
-    model.begin_second_operator()
+    begin_second_operator(model)
     assert [model.place("source", place).id for place in PLACES[:5]] == [
         "P1",
         "P2",
@@ -56,13 +63,13 @@ def test_a_second_operator_goes_through_the_pairs_in_order_in_one_view_or_both(m
 def test_the_picking_sigma_is_that_of_the_engine_and_the_first_picks_return(model, offset):
     first = model.pairs
     rng = np.random.default_rng(7)
-    model.begin_second_operator()
+    begin_second_operator(model)
     again = PLACES + rng.normal(scale=0.02, size=PLACES.shape)
     target = 3 * PLACES + offset + rng.normal(scale=0.07, size=PLACES.shape)
     for i in range(4):
         model.place("source", again[i])
         model.place("target", target[i])
-    found = model.end_second_operator(adopt=False)
+    found = end_second_operator(model, adopt=False)
     assert model.pairs == first
     expected = picking_sigma([PLACES[:4], again[:4]])
     assert found.source.sigma == pytest.approx(expected.sigma, rel=1e-12)
@@ -77,11 +84,11 @@ def test_the_picking_sigma_is_that_of_the_engine_and_the_first_picks_return(mode
 
 
 def test_sigmas_are_adopted_where_none_is_stated(model):
-    model.begin_second_operator()
+    begin_second_operator(model)
     for place in PLACES[:5]:
         model.place("source", place + 0.01)
         model.place("target", 3 * place + 1)
-    found = model.end_second_operator(adopt=True)
+    found = end_second_operator(model, adopt=True)
     assert {pair.sigma_source for pair in model.pairs} == {found.source.sigma}
     assert {pair.sigma_target for pair in model.pairs} == {0.2}
     assert "the operators differ systematically" in found.statement
@@ -91,39 +98,42 @@ def test_sigmas_are_adopted_where_none_is_stated(model):
 
 def test_a_round_without_a_pick_says_so_and_can_be_given_up(model):
     first = model.pairs
-    model.begin_second_operator()
+    begin_second_operator(model)
     model.place("source", [0, 0, 0])
-    model.cancel_second_operator()
+    cancel_second_operator(model)
     assert model.pairs == first
-    model.begin_second_operator()
-    found = model.end_second_operator(adopt=True)
+    begin_second_operator(model)
+    found = end_second_operator(model, adopt=True)
     assert found.statement == "No place was picked twice."
     assert model.pairs == first
 
 
 def test_a_dropped_half_keeps_its_row(model):
-    model.begin_second_operator()
+    begin_second_operator(model)
     model.place("source", [0, 0, 0])
     assert model.drop_open_half() == "P1"
     assert len(model.pairs) == 5
 
 
 def test_a_round_refuses_what_would_mix_the_two(model, tmp_path):
-    for change in (lambda: model.end_second_operator(adopt=True), model.cancel_second_operator):
+    for change in (
+        lambda: end_second_operator(model, adopt=True),
+        lambda: cancel_second_operator(model),
+    ):
         with pytest.raises(PicksError, match="No second operator"):
             change()
-    model.begin_second_operator()
+    begin_second_operator(model)
     for change in (
-        model.begin_second_operator,
+        lambda: begin_second_operator(model),
         model.new_pair,
         lambda: model.rename("P1", "x"),
-        lambda: model.import_picks(tmp_path / "picks.csv"),
-        lambda: model.import_points(tmp_path / "list.txt", "source"),
+        lambda: import_picks(model, tmp_path / "picks.csv"),
+        lambda: import_points(model, tmp_path / "list.txt", "source"),
     ):
         with pytest.raises(PicksError):
             change()
     with pytest.raises(PicksError, match="no pair to pick again"):
-        Model().begin_second_operator()
+        begin_second_operator(Model())
 
 
 def test_a_pair_picked_on_one_side_is_compared_there():

@@ -193,7 +193,7 @@ def test_escape_cancels_then_drops_then_leaves_picking(panel, qtbot):
 
 def test_a_crash_in_a_job_is_one_message_and_the_panel_stays_usable(panel, host, qtbot):
     feed(panel)
-    panel._begin(Job("Sums", lambda _: 1 / 0))
+    panel.runs.begin(Job("Sums", lambda _: 1 / 0))
     qtbot.waitUntil(lambda: bool(host.said), timeout=5000)
     level, text, details, _ = host.said[-1]
     assert level == "error"
@@ -334,7 +334,7 @@ def test_findings_go_with_the_cloud_that_they_were_of(panel, host, clouds, qtbot
     assert panel.errors_tab.findings is None
     assert "distance" not in panel.views.target.scene.modes
     panel.errors_tab.accuracy.selectRow(2)
-    panel._compared(kept, None, shown)  # as one that was under way
+    panel.runs._compared(kept, None, shown)  # as one that was under way
     assert panel.errors_tab.findings is None
     assert [text for level, text, *_ in host.said if level != "success"] == [
         "Another cloud was opened meanwhile: compare again."

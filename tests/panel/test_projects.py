@@ -18,6 +18,7 @@ from trigpoint.project import (
     read_project,
 )
 from trigpoint.starter import PICKS, PROJECT
+from trigpoint_panel.exchange import import_picks
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair
 from trigpoint_panel.projects import (
@@ -162,7 +163,7 @@ def test_picks_that_were_imported_from_beside_it_serve_the_project(tmp_path):
     model = Model()
     model.open_cloud("source", tmp_path / "n.ply")
     model.open_cloud("target", tmp_path / "l.laz")
-    model.import_picks(tmp_path / "picks.csv")
+    import_picks(model, tmp_path / "picks.csv")
     project = write_project(model.state, tmp_path / "project.toml")
     assert project.reconstructions[0].picks == tmp_path / "picks.csv"
     assert (tmp_path / "picks.csv").read_text() == text

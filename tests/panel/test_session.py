@@ -16,6 +16,7 @@ from trigpoint.files import write
 from trigpoint_panel.camera import Camera
 from trigpoint_panel.documents import SessionError
 from trigpoint_panel.model import Model
+from trigpoint_panel.operators import begin_second_operator
 from trigpoint_panel.session import Session, read_session
 from trigpoint_reporting import cli
 
@@ -370,7 +371,7 @@ def test_a_file_that_is_not_there_is_told_in_one_sentence(tmp_path):
 
 def test_a_second_operators_round_survives_a_crash(started, tmp_path):
     started.model.drop_open_half()
-    started.model.begin_second_operator()
+    begin_second_operator(started.model)
     started.model.place("source", [0, 0, 0.01])
     started.autosave()
     started.leave()

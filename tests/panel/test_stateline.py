@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from trigpoint_panel.model import Model
+from trigpoint_panel.operators import begin_second_operator
 from trigpoint_panel.stateline import Running, state_line
 
 CORNERS = np.array([[x, y, z] for z in (0, 12) for y in (0, 6) for x in (0, 8)], float)
@@ -143,7 +144,7 @@ def test_pairs_without_clouds_can_be_fitted_and_not_audited():
 
 def test_a_second_operator_is_led_from_pair_to_pair(model):
     picked(model, 4)
-    model.begin_second_operator()
+    begin_second_operator(model)
     assert state_line(model).text == "Second operator: 0 of 4 pairs picked again. Next: P1."
     model.place("source", [0, 0, 0])
     assert state_line(model).text.startswith("P1: now click the same corner in the target view.")

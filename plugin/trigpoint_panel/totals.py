@@ -1,0 +1,45 @@
+"""What stands under the pair table: the errors that sum it up, and the layout's verdict."""
+
+from __future__ import annotations
+
+import math
+
+from qtpy.QtWidgets import QHBoxLayout, QLabel, QWidget
+
+from trigpoint_panel.forms import say
+from trigpoint_panel.model import Model
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+class Totals(QWidget):
+    """What stands under the table: the three errors that sum it up, and the layout's verdict."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 3, 8, 3)
+        row.setSpacing(14)
+        self.numbers, self.layout_verdict = QLabel(self), QLabel(self)
+        self.numbers.setWordWrap(True)  # in a narrow dock they take two lines
+        row.addWidget(self.numbers, 1)
+        row.addWidget(self.layout_verdict)
+
+    def refresh(self, model: Model) -> None:
+        """Take over what the model holds now."""
+        fit = model.fit
+        used = int(fit.table["used"].sum())
+        parts = (
+            f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})",
+            f"check {_metres(fit.check_rmse_m)} ({fit.checks})",
+            f"leave-one-out {_metres(fit.loocv_rmse_m)}",
+        )
+        self.numbers.setText("   ".join(part.replace(" ", NO_BREAK) for part in parts))
+        words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
+        levels = {"sound": "success", "weak": "warning", "refused": "error"}
+        say(self.layout_verdict, words.get(fit.geometry, ""), levels.get(fit.geometry, ""))
+        self.layout_verdict.setToolTip(fit.statement)
+
+
+def _metres(value: float) -> str:
+    return "n/a" if math.isnan(value) else f"{value:.3f} m"
