@@ -19,15 +19,18 @@ from urllib.parse import unquote, urlsplit
 from urllib.request import url2pathname
 
 from trigpoint.errors import MissingPackageError, TrigpointError
+from trigpoint_reporting.lettering import join_letters_in
 from trigpoint_reporting.palettes import palette_images
 from trigpoint_templates import FOLDER, FONTS, PRINT_CSS
 
 Variant = Literal["a-3a", "a-2a"]
 # Where a project states no date: one that is visibly none.
 NO_DATE = dt.date(1980, 1, 1)
-# No style prints these, and reading them takes time. A project's texts are escaped: none is markup.
+# No style prints these, and reading them takes time; nor does the mark about each number change
+# its look. A project's texts are escaped: none is markup.
 UNPRINTED = re.compile(
-    r'<details class="code">.*?</details>|<figure class="viewer">.*?</figure>', re.DOTALL
+    r'<details class="code">.*?</details>|<figure class="viewer">.*?</figure>|</?data\b[^>]*>',
+    re.DOTALL,
 )
 LIBRARIES = "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0"
 # Stated here and not guessed by each machine for itself.
@@ -84,7 +87,7 @@ def write_pdf(
         raise PdfError(message)
     # After the report's own style and not through `stylesheets`, which it would overrule.
     sheet = f"<style>{PRINT_CSS.read_text('utf-8')}\n{_fallback_fonts()}</style></head>"
-    styled = UNPRINTED.sub("", html).replace("</head>", sheet, 1)
+    styled = join_letters_in(UNPRINTED.sub("", html)).replace("</head>", sheet, 1)
     moment = dt.datetime.combine(date or NO_DATE, dt.time())
     files = [
         weasyprint.Attachment(
