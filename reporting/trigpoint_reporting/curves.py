@@ -93,7 +93,7 @@ def _curves(evidence: Evidence, direction: Direction) -> Picture | Passage:
     split = {name: _by_own_zone(evidence, name, direction, zones[1:]) for name in names}
     columns = min(4, len(zones))
     lines = -(-len(zones) // columns)
-    with canvas(18 + 50 * lines) as figure:
+    with canvas(18 + 44 * lines) as figure:
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
         for axes in panels.flat[len(zones) :]:
             axes.set_visible(False)

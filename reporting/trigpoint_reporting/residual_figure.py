@@ -38,7 +38,7 @@ CROWD = 40
 # The longest arrow, as a share of the picks' extent.
 ARROW = 0.22
 ROUND = np.array([m * 10.0**k for k in range(7) for m in (1, 2, 5)])
-VIEWS = (("Plan", 0, 1), ("Elevation from the south", 0, 2), ("Elevation from the east", 1, 2))
+VIEWS = (("Plan", 0, 1), ("From the south", 0, 2), ("From the east", 1, 2))
 AXES = ("easting", "northing", "height")
 MARKS = {"used": ("o", BLUE), "rejected": ("X", VERMILLION), "check": ("^", GREEN)}
 # Room in millimetres around the panels, and for the tallest of them.

@@ -138,7 +138,7 @@ def test_sections_have_anchors_of_their_own_and_figures_that_can_be_called(secti
 def test_the_first_page_reports_what_has_no_limit(make_evidence):
     rows = [texts(row) for row in table(result(make_evidence("paper")), "Criteria").rows]
     assert [row[4] for row in rows] == ["0.137", "0.205", "0.265", "90.7", "78.5"]
-    assert {row[-1] for row in rows} == {"reported, no limit set"}
+    assert {row[-1] for row in rows} == {"no limit set"}
 
 
 def test_limits_stand_with_their_source_and_are_not_reported_twice(make_evidence):
@@ -260,11 +260,28 @@ def test_validation_gives_the_interval_of_so_few_picks(make_evidence):
 
 def test_three_picks_have_nothing_to_leave_out_and_say_so(make_evidence):
     evidence = make_evidence("few")
-    assert "needs at least four picks" in told(validation(evidence, "nerf"))
+    checked = told(validation(evidence, "nerf"))
+    assert "needs at least four picks" in checked
+    assert "nerf: leave-one-out" not in checked  # a table of nothing
     words = told(reliability(evidence, "nerf"))
     assert "The covariance of the similarity is not available." in words
     assert "not tested" in words
     assert "no error of that pick, however large, would show" in words
+
+
+def test_a_consensus_that_was_not_redone_is_not_told(make_evidence):
+    evidence = make_evidence("many")
+    assert "consensus redone in each fold" in told(validation(evidence, "nerf"))
+    evidence.results["reconstructions"]["nerf"]["loocv"]["rmse_procedure_m"] = None
+    assert "redone in" not in told(validation(evidence, "nerf"))
+
+
+def test_what_the_columns_mean_is_said_once_in_a_section(make_evidence):
+    evidence = make_evidence("paper")
+    for section in (accuracy, completeness):
+        first, other = (to_text(section(evidence, name)[0]) for name in ("nerf", "sfm"))
+        assert "half" in first
+        assert "Columns as for nerf." in other
 
 
 def test_reliability_states_both_error_levels_and_the_weakest_axis_first(make_evidence):

@@ -14,6 +14,13 @@ from trigpoint_reporting.numbers import Numbers, number_text
 
 Direction = Literal["accuracy", "completeness"]
 STATISTICS = ("n", "mean_m", "median_m", "nmad_m", "rmse_m", "p95_m", "max_m", "floor_rmse_m")
+# Said once in a section: of the first reconstruction.
+TERMS = (
+    "RMSE = √(Σd²/n); NMAD = 1.4826 × the median absolute deviation from the median; P95 by linear "
+    "interpolation. Floor: the RMSE between two random halves of the reference, thinned alike: its "
+    "own spacing and noise, below which a distance says nothing. Points outside the heights belong "
+    "to the lowest or highest zone."
+)
 # Of what was measured and lies outside its own interval.
 WORSENED = (
     " It is of the value at the true pose: the error of the pose has worsened what was measured, "
@@ -81,11 +88,8 @@ def _statistics(evidence: Evidence, name: str, direction: Direction, zones: Numb
             for zone, part in zones.items()
         ],
         (
-            f"Distances {MEANING[direction]}: exact, unsigned, never cut off. RMSE = √(Σd²/n); "
-            "NMAD = 1.4826 × the median absolute deviation from the median; P95 by linear "
-            "interpolation. Floor: the RMSE between two random halves of the reference, thinned "
-            "alike: its own spacing and noise, below which a distance says nothing. Points outside "
-            "the heights belong to the lowest or highest zone.",
+            f"Distances {MEANING[direction]}: exact, unsigned, never cut off. "
+            + (TERMS if name == evidence.names[0] else f"Columns as for {evidence.names[0]}."),
         ),
     )
 

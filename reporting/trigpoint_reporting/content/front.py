@@ -114,7 +114,7 @@ def _reported(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
             if (name, _plain(quantity)) not in limited:
                 shown = _found(name, quantity, value)
                 label = wording.quantity_label(quantity)
-                yield (label, name, NONE, NONE, shown, NONE, "reported, no limit set")
+                yield (label, name, NONE, NONE, shown, NONE, "no limit set")
 
 
 def _stored(found: Numbers, quantity: str) -> float | None:

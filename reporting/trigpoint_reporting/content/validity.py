@@ -38,6 +38,16 @@ def _leave_one_out(found: Numbers, name: str) -> Iterator[Block]:
         "withheld pick predicted."
     )
     yield Passage(tuple(_ratio(found)))
+    if loocv["rmse_m"] is None and all(row["d_m"] is None for row in loocv["folds"]):
+        return
+    redone: tuple[Cell, ...] = ()
+    if loocv["rmse_procedure_m"] is not None:
+        redone = (
+            " With the consensus redone in each fold, so that a withheld pick has no say in "
+            "choosing the inliers: ",
+            loocv.value("rmse_procedure_m"),
+            f" m{', with other inliers in some folds' if changes else ''}.",
+        )
     yield Table(
         f"{name}: leave-one-out",
         ("Withheld", *COLUMNS, "Scale change (%)", "Rotation (°)", "Shift (m)", "Inliers change"),
@@ -57,10 +67,9 @@ def _leave_one_out(found: Numbers, name: str) -> Iterator[Block]:
             f"{how} Error = reference − prediction; RMSE = √(Σ|e|²/n). Largest change of scale, "
             "100 max|sᵢ − s|/s: ",
             loocv.value("max_scale_change_pct"),
-            " %. Shift: how far the reference's centroid moves. With the consensus redone in each "
-            "fold, so that a withheld pick has no say in choosing the inliers: ",
-            loocv.value("rmse_procedure_m"),
-            f" m{', with other inliers in some folds' if changes else ''}.{left}",
+            " %. Shift: how far the reference's centroid moves.",
+            *redone,
+            left,
         ),
     )
 
