@@ -82,7 +82,15 @@ def test_from_the_project_to_the_report_and_the_map(
     assert said["project_crs"] == "EPSG:32615"
     assert said["drawn"] > 5000, "the map is empty"
     assert said["unloaded"]
-    assert said["layers_after"] == 8, "what was measured stays on the map when the plugin goes"
+    frame = "EPSG:32615"
+    assert said["loaded"] == {
+        "Picks": ["categorizedSymbol", frame],
+        "Residuals x 20": ["singleSymbol", frame],
+        "Completeness within 0.2 m (%)": ["singlebandpseudocolor", frame],
+        "Error (RMSE, m)": ["singlebandpseudocolor", frame],
+        "Footprint": ["singleSymbol", frame],
+    }
+    assert said["layers_after"] == 13, "what was measured stays on the map when the plugin goes"
 
 
 def test_the_packages_are_installed_beside_qgis_and_the_panel_opens(

@@ -135,7 +135,8 @@ class Align(TrigpointAlgorithm):
             del sink
             style = layers.PICKS if name == "POINTS" else layers.VECTORS
             title = "Picks" if name == "POINTS" else f"Residuals x {exaggeration:g}"
-            self.loaded(told[name], self.tr(title), style, context)
+            heights = layers.heights_of(crs)
+            self.loaded(told[name], self.tr(title), style, context, vertical=heights)
         fit, worth = results["alignment"], results["reliability"]
         suspected = [pick["id"] for pick in worth["picks"] if pick["suspected"]]
         return told | {

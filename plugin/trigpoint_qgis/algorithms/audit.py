@@ -86,10 +86,8 @@ class Audit(TrigpointAlgorithm):
             told["MAP_FOLDER"] = str(drawing.map_folder(Path(audit["path"])))
             for each in drawn:
                 details = QgsProcessingContext.LayerDetails(each.title, context.project())
-                self.stylers.append(
-                    Styler(each.kind, {"largest": each.largest, "vertical": each.vertical})
-                )
-                details.setPostProcessor(self.stylers[-1])
+                how = {"largest": each.largest, "vertical": each.vertical}
+                details.setPostProcessor(Styler(each.kind, how))
                 if hasattr(details, "groupName"):  # QGIS 3.32 and later
                     details.groupName = each.of
                 context.addLayerToLoadOnCompletion(each.address, details)

@@ -39,11 +39,6 @@ class TrigpointAlgorithm(QgsProcessingAlgorithm):
     TITLE = ""
     HELP = ""
 
-    def __init__(self) -> None:
-        super().__init__()
-        # Processing keeps no reference to these, and styles layers after the algorithm is done.
-        self.stylers: list[Styler] = []
-
     def name(self) -> str:
         """Return the name after the provider's prefix."""
         return self.NAME
@@ -108,14 +103,13 @@ class TrigpointAlgorithm(QgsProcessingAlgorithm):
             raise QgsProcessingException(message) from None
 
     def loaded(
-        self, layer_id: str, name: str, kind: str, context: QgsProcessingContext, **more: float
+        self, layer_id: str, name: str, kind: str, context: QgsProcessingContext, **more: Any
     ) -> None:
         """Name and style a layer, where Processing is to add it to the map."""
         if context.willLoadLayerOnCompletion(layer_id):
             details = context.layerToLoadOnCompletionDetails(layer_id)
             details.name = name
-            self.stylers.append(Styler(kind, more))
-            details.setPostProcessor(self.stylers[-1])
+            details.setPostProcessor(Styler(kind, more))
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
@@ -124,10 +118,17 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
     def __init__(self, kind: str, more: dict[str, Any]) -> None:
         super().__init__()
         self.kind, self.more = kind, more
+        _waiting.append(self)
 
     def postProcessLayer(self, layer: Any, _context: Any, _feedback: Any) -> None:
         """Style it."""
+        _waiting.remove(self)
         layers.style(layer, self.kind, **self.more)
+
+
+# Nobody else holds them: Processing runs a copy of an algorithm, and styles what it made after the
+# copy is gone.
+_waiting: list[Styler] = []
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 
 sys.path.insert(0, os.environ["TRIGPOINT_DRIVERS"])
 from driving import GIVEN, SAID, breathe, colours, drive, rendered, shot, wait
@@ -77,12 +78,39 @@ def steps():
     breathe(1)
     shot("story-8-map-and-panel")
 
+    SAID["loaded"] = loaded(Path(GIVEN["project"]))
+    shot("story-9-processing")
+
     # What was measured stays on the map when the plugin goes.
     SAID["unloaded"] = unloadPlugin(NAME)
     breathe(0.5)
     SAID["layers_after"] = len(project.mapLayers())
     # Or QGIS would ask whether to save it.
     project.clear()
+
+
+def loaded(project):
+    """Run algorithms as the toolbox does, and name what comes to the map with how it is drawn."""
+    import processing
+
+    there = set(QgsProject.instance().mapLayers())
+    temporary = dict.fromkeys(("SIMILARITY", "POINTS", "VECTORS"), "TEMPORARY_OUTPUT")
+    picks = {"PICKS": str(project.with_name("picks.csv")), "CRS": "EPSG:32615"}
+    processing.runAndLoadResults("trigpoint:align", picks | temporary)
+    names = ("RESULTS", "COMPLETENESS", "ERROR", "FOOTPRINT")
+    clouds = {
+        "RECONSTRUCTION": str(project.with_name("sfm.laz")),
+        "REFERENCE": str(project.with_name("lidar.laz")),
+    }
+    processing.runAndLoadResults(
+        "trigpoint:compare", clouds | dict.fromkeys(names, "TEMPORARY_OUTPUT")
+    )
+    breathe(0.5)
+    return {
+        layer.name(): [layer.renderer().type(), layer.crs().authid()]
+        for key, layer in QgsProject.instance().mapLayers().items()
+        if key not in there
+    }
 
 
 class Desktop(QObject):
