@@ -1,4 +1,4 @@
-"""The magnifier: what is around the mouse, four times as large."""
+"""The magnifier: what is around the mouse or a place, four times as large."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 from qtpy import QtCore, QtGui, QtWidgets
 
-from trigpoint_panel.camera import Camera
+from trigpoint_panel.camera import Camera, Position
 from trigpoint_panel.canvas import ImageCanvas
 from trigpoint_panel.motion import eye_dome
 from trigpoint_panel.scene import Scene
 from trigpoint_panel.sight import aim
+from trigpoint_panel.stage import Stage
 
 ZOOM = 4
 SIDE = 200
@@ -72,6 +73,64 @@ class Loupe(ImageCanvas):
         self.plotter.renderer.SetPass(None)
         self._lighting.ReleaseGraphicsResources(self.plotter.render_window)
         super().release()
+
+
+class Magnifier:
+    """Keeps a loupe over a stage while it is wanted.
+
+    Parameters
+    ----------
+    scene : Scene
+    stage : Stage
+    """
+
+    def __init__(self, scene: Scene, stage: Stage) -> None:
+        self._scene, self._stage = scene, stage
+        self._loupe: Loupe | None = None
+        self._is_on = False
+        self._place: Position | None = None
+
+    @property
+    def is_at_mouse(self) -> bool:
+        """Whether what is under the mouse is magnified."""
+        return self._is_on and self._place is None
+
+    def show(self, place: Position | None) -> None:
+        """Magnify a place, or what is under the mouse, from when that is told next."""
+        self._is_on, self._place = True, place
+        if self._loupe is None:
+            self._loupe = Loupe(self._scene, self._stage)
+
+    def follow(self, mouse: QtCore.QPointF) -> None:
+        """Show what is to be magnified now, with the mouse at a place of the stage."""
+        if not self._is_on or self._loupe is None:
+            return
+        at = mouse
+        if self._place is not None:
+            x, y = self._scene.project(self._place) / self._stage.ratio
+            at = QtCore.QPointF(x, self._stage.height() - y)
+        self._loupe.look(at)
+        self._loupe.show()
+        self._loupe.raise_()
+
+    def forget_mouse(self) -> None:
+        """Hide what the mouse has left, until it is back."""
+        if self._loupe is not None and self._place is None:
+            self._loupe.hide()
+
+    def hide(self) -> None:
+        """Magnify nothing."""
+        self._is_on, self._place = False, None
+        if self._loupe is not None:
+            self._loupe.hide()
+
+    def drop(self) -> None:
+        """Magnify nothing, and free what VTK holds."""
+        self._is_on = False
+        if self._loupe is not None:
+            self._loupe.release()
+            self._loupe.deleteLater()
+            self._loupe = None
 
 
 def narrowed(

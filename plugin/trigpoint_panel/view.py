@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +12,27 @@ from qtpy import QtCore, QtGui, QtWidgets
 
 from trigpoint.similarity import Similarity
 from trigpoint_panel.camera import Camera, Face, Position
-from trigpoint_panel.canvas import Canvas, CanvasKind, make_canvas
+from trigpoint_panel.canvas import Canvas, CanvasKind
 from trigpoint_panel.colouring import ColourMode
 from trigpoint_panel.ground import guess_up
 from trigpoint_panel.header import Header
-from trigpoint_panel.legend import LegendCard
-from trigpoint_panel.loupe import ZOOM, Loupe
+from trigpoint_panel.loupe import ZOOM, Magnifier
 from trigpoint_panel.marks import Marker
+from trigpoint_panel.mouse import Drag, Mouse
 from trigpoint_panel.opening import Opened
+from trigpoint_panel.overlaybar import OverlayBar
 from trigpoint_panel.scene import Scene
 from trigpoint_panel.snapping import Mode, SnapError, snap
+from trigpoint_panel.stage import Stage
 from trigpoint_reporting.elevations import LIMIT_M
 
 Side = Literal["source", "target"]
 TITLES: dict[Side, str] = {"source": "Source", "target": "Target"}
 
-# Pixels that the mouse may move between press and release of a click.
-CLICK = 4
 # Pixels around the cursor in which a point is picked, and around a pick that snaps look by default.
 REACH, SNAP_REACH = 5.0, 40.0
-# Milliseconds: the view rests before all points are drawn again; the mouse before it is asked what
-# it points at; an OpenGL widget has until it must have a context.
-REST, HOVER, PATIENCE = 200, 120, 1000
+# Milliseconds that the view rests before all points are drawn again.
+REST = 200
 # Degrees for a drag across the height of the view, and zoom for a step of the wheel.
 TURN, WHEEL = 180.0, 1.15
 # Height of what is seen where the view has flown to, as a share of what it is where all is seen.
@@ -102,46 +101,44 @@ class CloudView(QtWidgets.QWidget):
         self.side = side
         self.opened: Opened | None = None
         self.scene = Scene()
-        self.canvas: Canvas | None = None
-        self._kind = canvas
         self._closed = False
         self._aimed = False
-        self._picking = False
         self._snap: tuple[Mode, float | None] = ("point", None)
         self._markers: tuple[Marker, ...] = ()
         self._ghost: Marker | None = None
-        self._press: tuple[QtCore.QPointF, Any] | None = None
-        self._last: QtCore.QPointF | None = None
-        self._dragging = False
-        self._mouse = QtCore.QPointF()
-        self._loupe: Loupe | None = None
-        self._magnified: Position | None = None
-        self._magnifying = False
-        self._ratio = 1.0
 
         self.header = Header(TITLES[side], self)
-        self._stage = QtWidgets.QWidget(self)
-        self._stage.setMinimumSize(120, 90)
-        self._prompt = QtWidgets.QLabel(self._stage)
-        self._prompt.setAlignment(QtCore.Qt.AlignmentFlag.AlignCenter)
-        self._prompt.setWordWrap(True)
-        self._prompt.setMargin(24)
-        self.legend = LegendCard(self._stage)
+        self._stage = Stage(self.scene, self, kind=canvas)
+        self.legend = self._stage.legend
+        self._mouse = Mouse(self)
+        self._magnifier = Magnifier(self.scene, self._stage)
+        self._overlay_bar = OverlayBar(self)
         column = QtWidgets.QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         column.addWidget(self.header)
         column.addWidget(self._stage, 1)
-        column.addWidget(self._make_overlay_bar())
-        self._stage.installEventFilter(self)
+        column.addWidget(self._overlay_bar)
         self.setFocusPolicy(QtCore.Qt.FocusPolicy.StrongFocus)
         self.setAcceptDrops(True)
         self.setAccessibleName(f"{TITLES[side]} view")
 
-        self._opener = self._timer(0, self._make_canvas)
-        self._rest = self._timer(REST, self._refine)
-        self._hover = self._timer(HOVER, self._tell_hovered)
-        self._patience = self._timer(PATIENCE, self._check_canvas)
+        self._rest = QtCore.QTimer(self)
+        self._rest.setSingleShot(True)
+        self._rest.setInterval(REST)
+        self._rest.timeout.connect(self._refine)
+        self._stage.made.connect(self._enter_canvas)
+        self._stage.dropped.connect(self._leave_canvas)
+        self._mouse.pressed.connect(self._take_focus)
+        self._mouse.clicked.connect(self._pick)
+        self._mouse.doubled.connect(self._fly_under)
+        self._mouse.dragged.connect(self._drag)
+        self._mouse.wheeled.connect(self._zoom)
+        self._mouse.moved.connect(self._follow_mouse)
+        self._mouse.rested.connect(self._tell_hovered)
+        self._mouse.left.connect(self._forget_mouse)
+        self._overlay_bar.opacity_chosen.connect(self.set_overlay_opacity)
+        self._overlay_bar.swap_chosen.connect(self.swap)
         self.header.mode_chosen.connect(self.colour_by)
         self.header.size_chosen.connect(self.set_point_size)
         self.header.eye_dome_chosen.connect(self.set_eye_dome)
@@ -159,7 +156,7 @@ class CloudView(QtWidgets.QWidget):
 
         Of a cloud that no CRS describes, up is guessed from the ground.
         """
-        self._drop_loupe()
+        self._magnifier.drop()
         self.opened = opened
         if opened is not None:
             self.scene.show(opened.cloud, unit=opened.unit)
@@ -176,7 +173,7 @@ class CloudView(QtWidgets.QWidget):
 
     def set_prompt(self, text: str) -> None:
         """Say in an empty view what to do, such as "Open a source cloud (Ctrl+O)"."""
-        self._prompt.setText(text)
+        self._stage.set_prompt(text)
 
     def set_distances(
         self, distances: NDArray[np.float64] | None, *, limit: float = LIMIT_M
@@ -188,7 +185,7 @@ class CloudView(QtWidgets.QWidget):
 
     def isolate(self, mask: NDArray[np.bool_] | None) -> None:
         """Show only some of the shown points, such as a zone; None shows all."""
-        self._drop_loupe()
+        self._magnifier.drop()
         self.scene.isolate(mask)
         self.refresh()
 
@@ -211,25 +208,23 @@ class CloudView(QtWidgets.QWidget):
 
         Another similarity for the same cloud costs nothing.
         """
-        self._drop_loupe()
+        self._magnifier.drop()
         self.scene.set_overlay(None if opened is None else opened.cloud, similarity)
         self._overlay_bar.setVisible(self.scene.has_overlay)
-        self._overlay_state.setText("A+B")
+        self._overlay_bar.set_state("A+B")
         self.legend.show_legend(self.scene.legend)
-        self._lay_out()
+        self._stage.lay_out()
         self.refresh()
 
     def set_overlay_opacity(self, opacity: float) -> None:
         """Show the overlay from 0 (not at all) to 1 (fully)."""
-        self._opacity.blockSignals(True)
-        self._opacity.setValue(round(100 * opacity))
-        self._opacity.blockSignals(False)
+        self._overlay_bar.set_opacity(opacity)
         self.scene.set_overlay_opacity(opacity)
         self.refresh()
 
     def swap(self) -> None:
         """Show only the cloud, then only the overlay, then both again."""
-        self._overlay_state.setText(self.scene.swap())
+        self._overlay_bar.set_state(self.scene.swap())
         self.legend.show_legend(self.scene.legend if self.scene.shows_cloud else None)
         self.refresh()
 
@@ -262,7 +257,7 @@ class CloudView(QtWidgets.QWidget):
 
     def set_picking(self, on: bool) -> None:
         """Let clicks pick; drags turn the view whether or not they do."""
-        self._picking = on
+        self._mouse.picks = on
         shape = QtCore.Qt.CursorShape
         self._stage.setCursor(shape.CrossCursor if on else shape.ArrowCursor)
         if self.canvas is not None:
@@ -313,15 +308,11 @@ class CloudView(QtWidgets.QWidget):
 
     def magnify(self, on: bool, at: Position | None = None) -> None:
         """Show a 4x inset: around the mouse, or around a place."""
-        self._magnifying = on and self.opened is not None and self.canvas is not None
-        self._magnified = at
-        if not self._magnifying:
-            if self._loupe is not None:
-                self._loupe.hide()
-            return
-        if self._loupe is None:
-            self._loupe = Loupe(self.scene, self._stage)
-        self._move_loupe()
+        if on and self.opened is not None and self.canvas is not None:
+            self._magnifier.show(at)
+            self._follow_mouse()
+        else:
+            self._magnifier.hide()
 
     def screenshot(self) -> QtGui.QImage:
         """Return what the canvas shows."""
@@ -337,25 +328,12 @@ class CloudView(QtWidgets.QWidget):
         if self._closed:
             return
         self._closed = True
-        for timer in (self._opener, self._rest, self._hover, self._patience):
-            timer.stop()
-        self._stage.removeEventFilter(self)
-        self._drop_loupe()
-        self._drop_canvas()
+        self._rest.stop()
+        self._mouse.stop()
+        self._magnifier.drop()
+        self._stage.shutdown()
 
     # Qt's events
-
-    def showEvent(self, event: QtGui.QShowEvent) -> None:
-        """Make the canvas when the view is first seen.
-
-        Not earlier: a view that is made, then floated, before its first picture stays empty where
-        OpenGL contexts are not shared (QGIS 3.22).
-        """
-        super().showEvent(event)
-        if not self._closed and self.canvas is None:
-            self._opener.start()
-        elif self.canvas is not None and not self.canvas.works:
-            self._patience.start()
 
     def changeEvent(self, event: QtCore.QEvent) -> None:
         """Follow a change between light and dark."""
@@ -376,93 +354,32 @@ class CloudView(QtWidgets.QWidget):
             event.acceptProposedAction()
             self.dropped.emit(paths[0])
 
-    def eventFilter(self, watched: QtCore.QObject, event: QtCore.QEvent) -> bool:
-        """Follow the stage's size, and keep the mouse from VTK: the view moves its own camera."""
-        kind, types = event.type(), QtCore.QEvent.Type
-        if watched is self._stage:
-            if kind == types.Resize:
-                self._lay_out()
-            return False
-        if self.canvas is None or watched is not self.canvas.surface:
-            return False
-        if kind in (types.MouseButtonPress, types.MouseButtonDblClick):
-            self._pressed(event)
-        elif kind == types.MouseMove:
-            self._moved(event)
-        elif kind == types.MouseButtonRelease:
-            self._released(event)
-        elif kind == types.Wheel:
-            self._wheeled(event)
-        elif kind == types.Leave:
-            self._hover.stop()
-            self.hovered.emit(None)
-            if self._loupe is not None and self._magnified is None:
-                self._loupe.hide()
-        elif kind != types.Enter:
-            return False
-        return True
-
     # The canvas
 
-    def _make_canvas(self) -> None:
-        if self._closed or self.canvas is not None:
-            return
-        self.canvas = make_canvas(self._stage, self._kind)
-        self._ratio = self.devicePixelRatioF()
-        self.canvas.surface.installEventFilter(self)
-        self.canvas.setVisible(self.opened is not None)
-        self._lay_out()
-        self.scene.attach(self.canvas.plotter, ratio=self._ratio)
-        self.set_picking(self._picking)
+    @property
+    def canvas(self) -> Canvas | None:
+        """What the view is drawn on, once it was shown."""
+        return self._stage.canvas
+
+    def _enter_canvas(self) -> None:
+        assert self.canvas is not None
+        self.canvas.surface.installEventFilter(self._mouse)
+        self.set_picking(self._mouse.picks)
         if not self._aimed:
             self.scene.fit()
         self.refresh()
-        self._patience.start()
 
-    def _check_canvas(self) -> None:
-        """Take the image canvas where an OpenGL widget got no context."""
-        if self.canvas is None or not self.isVisible() or self.opened is None:
-            return
-        if not self.canvas.works:
-            self._drop_canvas()
-            self._kind = "image"
-            self._make_canvas()
-
-    def _drop_canvas(self) -> None:
-        if self.canvas is None:
-            return
-        self._drop_loupe()
-        self.canvas.surface.removeEventFilter(self)
-        self.scene.detach()
-        self.canvas.release()
-        self.canvas.hide()
-        self.canvas.deleteLater()
-        self.canvas = None
-
-    def _lay_out(self) -> None:
-        area = self._stage.rect()
-        self._prompt.setGeometry(area)
-        if self.canvas is not None:
-            if self.canvas.geometry() != area:
-                self.canvas.setGeometry(area)
-                self.scene.resized()
-            if self.devicePixelRatioF() != self._ratio:
-                # The window has moved to a screen of another density.
-                self._ratio = self.devicePixelRatioF()
-                self.scene.attach(self.canvas.plotter, ratio=self._ratio)
-        self.legend.move(8, area.height() - self.legend.height() - 8)
-        self.legend.raise_()
+    def _leave_canvas(self) -> None:
+        assert self.canvas is not None
+        self._magnifier.drop()
+        self.canvas.surface.removeEventFilter(self._mouse)
 
     def _describe(self) -> None:
         self.header.describe(self.opened)
         self.header.offer(self.scene.modes, self.scene.mode)
         self._describe_states()
         self.legend.show_legend(self.scene.legend)
-        self._prompt.setVisible(self.opened is None)
-        if self.canvas is not None:
-            self.canvas.setVisible(self.opened is not None)
-            self._patience.start()
-        self._lay_out()
+        self._stage.fill(self.opened is not None)
 
     def _describe_states(self) -> None:
         self.header.set_states(
@@ -475,28 +392,6 @@ class CloudView(QtWidgets.QWidget):
         window = self.palette().color(QtGui.QPalette.ColorRole.Window)
         self.scene.set_dark(window.lightness() < 128)
 
-    def _make_overlay_bar(self) -> QtWidgets.QWidget:
-        self._overlay_bar = QtWidgets.QWidget(self)
-        self._opacity = QtWidgets.QSlider(QtCore.Qt.Orientation.Horizontal)
-        self._opacity.setRange(0, 100)
-        self._opacity.setValue(100)
-        self._opacity.setAccessibleName("Opacity of the overlaid source")
-        self._opacity.valueChanged.connect(lambda value: self.set_overlay_opacity(value / 100))
-        swap = QtWidgets.QToolButton()
-        swap.setText("Swap")
-        swap.setToolTip("Target alone, source alone, both (X)")
-        swap.clicked.connect(self.swap)
-        self._overlay_state = QtWidgets.QLabel("A+B")
-        self._overlay_state.setToolTip("A: the target; B: the source, carried into its frame")
-        row = QtWidgets.QHBoxLayout(self._overlay_bar)
-        row.setContentsMargins(6, 2, 6, 2)
-        row.addWidget(QtWidgets.QLabel("Overlaid source"))
-        row.addWidget(self._opacity, 1)
-        row.addWidget(self._overlay_state)
-        row.addWidget(swap)
-        self._overlay_bar.hide()
-        return self._overlay_bar
-
     def _mark(self) -> None:
         ghost = () if self._ghost is None else (self._ghost,)
         self.scene.set_markers((*self._markers, *ghost))
@@ -504,62 +399,31 @@ class CloudView(QtWidgets.QWidget):
 
     # The mouse
 
-    def _pressed(self, event: Any) -> None:
+    def _take_focus(self) -> None:
         self.setFocus(QtCore.Qt.FocusReason.MouseFocusReason)
-        at, buttons = _place(event), QtCore.Qt.MouseButton
-        if self.opened is None:
-            return
-        is_double = event.type() == QtCore.QEvent.Type.MouseButtonDblClick
-        if is_double and event.button() == buttons.LeftButton and not self._picking:
-            row = self._row_at(at)
-            if row is not None:
-                self.fly_to(_position(self.scene.coordinates(row)))
-            return
-        self._press, self._last, self._dragging = (at, event.button()), at, False
 
-    def _moved(self, event: Any) -> None:
-        at = _place(event)
-        self._mouse = at
-        if self._press is None or self._last is None:
-            self._hover.start()
-            self._move_loupe()
-            return
-        start, button = self._press
-        if not self._dragging and (at - start).manhattanLength() <= CLICK:
-            return
-        self._dragging = True
-        step = (at - self._last) / max(1, self._stage.height())
-        self._last = at
-        modifiers, keys = event.modifiers(), QtCore.Qt.KeyboardModifier
-        left = button == QtCore.Qt.MouseButton.LeftButton
-        if left and modifiers & keys.ControlModifier:
+    def _fly_under(self, at: QtCore.QPointF) -> None:
+        row = self._row_at(at)
+        if row is not None:
+            self.fly_to(_position(self.scene.coordinates(row)))
+
+    def _drag(self, drag: Drag, pixels: QtCore.QPointF) -> None:
+        step = pixels / max(1, self._stage.height())
+        if drag == "roll":
             self.scene.camera = self.camera.rolled(TURN / 2 * step.x())
             self.scene.take_up()
-        elif left and not modifiers & keys.ShiftModifier:
+        elif drag == "turn":
             self.scene.camera = self.camera.orbited(-TURN * step.x(), TURN * step.y())
         else:
             self.scene.camera = self.camera.panned(-step.x(), step.y())
         self._user_moved()
 
-    def _released(self, event: Any) -> None:
-        if self._press is None:
-            return
-        (_, button), dragged = self._press, self._dragging
-        self._press, self._last, self._dragging = None, None, False
-        left = button == QtCore.Qt.MouseButton.LeftButton
-        if not dragged and left and self._picking:
-            self._pick(_place(event))
-
-    def _wheeled(self, event: Any) -> None:
-        if self.opened is None:
-            return
-        angle = event.angleDelta()
-        turns = (angle.y() or angle.x()) / 120
-        at, height = _place(event), max(1, self._stage.height())
+    def _zoom(self, at: QtCore.QPointF, steps: float) -> None:
+        height = max(1, self._stage.height())
         right = (at.x() - self._stage.width() / 2) / height
         upward = (height / 2 - at.y()) / height
         about = np.asarray(self.camera.panned(right, upward).focal_point)
-        self.scene.camera = self.camera.zoomed(WHEEL**turns, about)
+        self.scene.camera = self.camera.zoomed(WHEEL**steps, about)
         self._user_moved()
 
     def _user_moved(self) -> None:
@@ -572,7 +436,7 @@ class CloudView(QtWidgets.QWidget):
         if self.canvas is not None:
             self.scene.set_moving(True)
             self._rest.start()
-        self._move_loupe()
+        self._follow_mouse()
         self.refresh()
 
     def _refine(self) -> None:
@@ -584,8 +448,9 @@ class CloudView(QtWidgets.QWidget):
     def _row_at(self, at: QtCore.QPointF) -> int | None:
         if self.canvas is None:
             return None
-        reach = REACH / ZOOM if self._magnifying and self._magnified is None else REACH
-        x, y = at.x() * self._ratio, (self._stage.height() - at.y()) * self._ratio
+        reach = REACH / ZOOM if self._magnifier.is_at_mouse else REACH
+        ratio = self._stage.ratio
+        x, y = at.x() * ratio, (self._stage.height() - at.y()) * ratio
         return self.scene.pick_at(x, y, tolerance=reach)
 
     def _pick(self, at: QtCore.QPointF) -> None:
@@ -616,76 +481,19 @@ class CloudView(QtWidgets.QWidget):
         self.picked.emit(Picked(_position(found.xyz), found.sigma, note, _position(raw)))
 
     def _tell_hovered(self) -> None:
-        row = self._row_at(self._mouse)
+        row = self._row_at(self._mouse.at)
         self.hovered.emit(None if row is None else _position(self.scene.coordinates(row)))
 
-    # The magnifier
+    def _follow_mouse(self) -> None:
+        self._magnifier.follow(self._mouse.at)
 
-    def _move_loupe(self) -> None:
-        if not self._magnifying or self._loupe is None:
-            return
-        at = self._mouse
-        if self._magnified is not None:
-            x, y = self.scene.project(self._magnified) / self._ratio
-            at = QtCore.QPointF(x, self._stage.height() - y)
-        self._loupe.look(at)
-        self._loupe.show()
-        self._loupe.raise_()
-
-    def _drop_loupe(self) -> None:
-        if self._loupe is not None:
-            self._loupe.release()
-            self._loupe.deleteLater()
-            self._loupe = None
-        self._magnifying = False
+    def _forget_mouse(self) -> None:
+        self.hovered.emit(None)
+        self._magnifier.forget_mouse()
 
     def _choose_up(self, up: Position | None) -> None:
         if self.opened is not None:
             self.set_up(guess_up(self.opened.cloud.xyz) if up is None else up)
-
-    def _timer(self, interval: int, slot: Any) -> QtCore.QTimer:
-        timer = QtCore.QTimer(self)
-        timer.setSingleShot(True)
-        timer.setInterval(interval)
-        timer.timeout.connect(slot)
-        return timer
-
-
-class Link(QtCore.QObject):
-    """Ties the cameras of two views through a similarity; moving either moves the other."""
-
-    def __init__(self, source: CloudView, target: CloudView) -> None:
-        super().__init__(target)
-        self._source, self._target = source, target
-        self._similarity: Similarity | None = None
-        source.camera_changed.connect(self._lead_target)
-        target.camera_changed.connect(self._lead_source)
-
-    @property
-    def is_tied(self) -> bool:
-        """Whether the cameras are tied."""
-        return self._similarity is not None
-
-    def follow(self, similarity: Similarity | None) -> None:
-        """Tie the cameras through this similarity; None unties them.
-
-        The source's camera goes where the target's is, since there up is known.
-        """
-        self._similarity = similarity
-        self._lead_source()
-
-    def _lead_target(self) -> None:
-        if self._similarity is not None:
-            self._target.set_camera(self._source.camera.through(self._similarity))
-
-    def _lead_source(self) -> None:
-        if self._similarity is not None:
-            self._source.set_camera(self._target.camera.through(self._similarity.inverse()))
-
-
-def _place(event: Any) -> QtCore.QPointF:
-    # Qt 6 has position(), Qt 5 localPos(); of wheels both have position().
-    return QtCore.QPointF(event.position() if hasattr(event, "position") else event.localPos())
 
 
 def _position(values: NDArray[np.float64]) -> Position:

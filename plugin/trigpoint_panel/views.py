@@ -12,13 +12,14 @@ from trigpoint.similarity import Similarity
 from trigpoint_panel.camera import Face
 from trigpoint_panel.canvas import CanvasKind
 from trigpoint_panel.ghosts import Ghost
+from trigpoint_panel.link import Link
 from trigpoint_panel.marks import Marker
 from trigpoint_panel.measuring import Findings
 from trigpoint_panel.model import Model
 from trigpoint_panel.opening import Opened
 from trigpoint_panel.pairs import SIDES, Pair, Place, Side
 from trigpoint_panel.snapping import Mode
-from trigpoint_panel.view import CloudView, Link
+from trigpoint_panel.view import CloudView
 
 PROMPTS: dict[Side, str] = {
     "source": "Open a source cloud (Ctrl+O), or drop one here",

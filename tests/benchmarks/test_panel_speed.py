@@ -18,8 +18,9 @@ from qtpy import QtCore, QtTest, QtWidgets
 from trigpoint.cloud import cloud_from
 from trigpoint.files import CloudInfo
 from trigpoint.similarity import Similarity
+from trigpoint_panel.link import Link
 from trigpoint_panel.opening import Opened
-from trigpoint_panel.view import CloudView, Link
+from trigpoint_panel.view import CloudView
 
 N = 1_000_000
 rng = np.random.default_rng(0)

@@ -9,11 +9,12 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 from qtpy import QtCore, QtGui, QtWidgets
 
-from trigpoint_panel import view as views
+from trigpoint_panel import stage
 from trigpoint_panel.canvas import GlCanvas
+from trigpoint_panel.link import Link
 from trigpoint_panel.loupe import SIDE, ZOOM, narrowed
 from trigpoint_panel.marks import Marker
-from trigpoint_panel.view import CloudView, Link
+from trigpoint_panel.view import WHEEL, CloudView
 
 Left, Right = QtCore.Qt.MouseButton.LeftButton, QtCore.Qt.MouseButton.RightButton
 Control, Shift = (
@@ -35,7 +36,8 @@ def shown(qtbot, kind):
 
     def make(side="target", opened=None, size=(500, 420)):
         made = CloudView(side, canvas=kind)
-        qtbot.addWidget(made, before_close_func=lambda widget: widget.shutdown())
+        # It keeps the view until then: qtbot alone would not.
+        qtbot.addWidget(made, before_close_func=lambda _: made.shutdown())
         made.resize(*size)
         if opened is not None:
             made.set_cloud(opened)
@@ -106,7 +108,7 @@ class Renders:
 
 def test_nothing_is_drawn_before_the_view_is_shown_and_everything_then(qtbot, kind, opened_tower):
     view = CloudView("target", canvas=kind)
-    qtbot.addWidget(view, before_close_func=lambda widget: widget.shutdown())
+    qtbot.addWidget(view, before_close_func=lambda _: view.shutdown())
     view.set_cloud(opened_tower())
     view.set_markers([Marker((741_000.0, 4_279_000.0, 170.0), "P1")])
     view.fly_to((741_000.0, 4_279_000.0, 170.0))
@@ -130,7 +132,7 @@ def test_a_view_that_floats_before_its_first_picture_shows_its_cloud(qtbot, kind
     dock.setWidget(view)
     window.addDockWidget(QtCore.Qt.DockWidgetArea.RightDockWidgetArea, dock)
     view.set_cloud(opened_tower())
-    qtbot.addWidget(window, before_close_func=lambda _: view.shutdown())
+    qtbot.addWidget(window)
     window.show()
     dock.setFloating(True)
     dock.resize(400, 400)
@@ -140,6 +142,7 @@ def test_a_view_that_floats_before_its_first_picture_shows_its_cloud(qtbot, kind
     dock.setFloating(False)
     rest(qtbot, view)
     assert inked(view) > 0.02
+    view.shutdown()
 
 
 def test_a_click_picks_what_is_under_it(qtbot, shown, opened_tower):
@@ -221,7 +224,7 @@ def test_the_wheel_zooms_to_the_cursor(qtbot, shown, opened_tower):
         before.panned(60 / view.canvas.height(), -30 / view.canvas.height()).focal_point
     )
     QtWidgets.QApplication.sendEvent(view.canvas.surface, event)
-    assert view.camera.height == pytest.approx(before.height / views.WHEEL**2)
+    assert view.camera.height == pytest.approx(before.height / WHEEL**2)
     assert pixel(view, under) == pytest.approx([at.x(), at.y()], abs=1.5)
     qtbot.wait(10)
 
@@ -355,7 +358,7 @@ def test_the_magnifier_shows_four_times_as_large(qtbot, shown, opened_tower):
     place = tuple(view.scene.coordinates(view.scene.pick_at(250, 250)))
     view.magnify(True, at=place)
     qtbot.wait(50)
-    loupe = view._loupe
+    loupe = view._magnifier._loupe
     assert loupe.isVisible()
     x, y = pixel(view, np.array(place))
     size = view.canvas.width(), view.canvas.height()
@@ -366,7 +369,7 @@ def test_the_magnifier_shows_four_times_as_large(qtbot, shown, opened_tower):
     assert not loupe.isVisible()
     view.set_cloud(None)
     view.magnify(True)
-    assert view._loupe is None
+    assert view._magnifier._loupe is None
 
 
 def test_an_opengl_widget_without_a_context_gives_way_to_the_image(
@@ -375,9 +378,9 @@ def test_an_opengl_widget_without_a_context_gives_way_to_the_image(
     if kind == "image":
         pytest.skip("it is about OpenGL widgets")
     monkeypatch.setattr(GlCanvas, "works", property(lambda _: False))
-    monkeypatch.setattr(views, "PATIENCE", 50)
+    monkeypatch.setattr(stage, "PATIENCE", 50)
     view = CloudView("target", canvas="gl")
-    qtbot.addWidget(view, before_close_func=lambda widget: widget.shutdown())
+    qtbot.addWidget(view, before_close_func=lambda _: view.shutdown())
     view.set_cloud(opened_tower())
     view.set_markers([Marker((741_000.0, 4_279_000.0, 170.0), "P1")])
     view.show()
@@ -401,7 +404,7 @@ def test_keys_are_left_to_whoever_holds_the_view(qtbot, kind, opened_tower):
     view = CloudView("target", canvas=kind)
     layout.addWidget(view)
     view.set_cloud(opened_tower(2000))
-    qtbot.addWidget(holder, before_close_func=lambda _: view.shutdown())
+    qtbot.addWidget(holder)
     with qtbot.waitExposed(holder):
         holder.show()
     qtbot.waitUntil(lambda: view.canvas is not None)
@@ -410,6 +413,7 @@ def test_keys_are_left_to_whoever_holds_the_view(qtbot, kind, opened_tower):
     for key in (QtCore.Qt.Key.Key_Q, QtCore.Qt.Key.Key_W, QtCore.Qt.Key.Key_E):
         qtbot.keyClick(view, key)
     assert Holder.keys == [QtCore.Qt.Key.Key_Q, QtCore.Qt.Key.Key_W, QtCore.Qt.Key.Key_E]
+    view.shutdown()
 
 
 def test_a_file_can_be_dropped(qtbot, shown, tmp_path):
