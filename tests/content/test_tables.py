@@ -280,7 +280,7 @@ def test_what_the_columns_mean_is_said_once_in_a_section(make_evidence):
     evidence = make_evidence("paper")
     for section in (accuracy, completeness):
         first, other = (to_text(section(evidence, name)[0]) for name in ("nerf", "sfm"))
-        assert "half" in first
+        assert "two random halves" in first
         assert "Columns as for nerf." in other
 
 
