@@ -214,12 +214,12 @@ def pose_uncertainty(evidence: Evidence, name: str) -> Drawing:
     weakest = axis_words(rotation_axes(rotation)[1][0])
     with canvas(44) as figure:
         left, right = figure.subplots(1, 2)
-        _named_bars(left, ["weakest axis", "next", "strongest"], turns, "{:.3f}°")
+        _named_bars(left, ["weakest", "next", "strongest"], turns, "{:.3f}°")
         left.set_title("Rotation about its own axes")
         left.set_xlabel("sigma, degrees")
         _named_bars(right, labels(list(known)), list(known.values()), "{:.3f} m")
         right.set_title("A point carried by the similarity")
-        right.set_xlabel("3D sigma, root mean square over the zone, metres")
+        right.set_xlabel("3D sigma, RMS over the zone, metres")
         content = to_svg(figure)
     least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
     alt = (
