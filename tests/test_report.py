@@ -153,7 +153,9 @@ def test_whatever_a_project_says_is_printed_as_that(page):
 
 
 def test_a_missing_opengl_is_a_box_in_the_report(page):
-    assert "Perspective view unavailable: OpenGL did not start: install libegl1" in words_of(page)
+    told = words_of(page)
+    assert "Perspective view unavailable: OpenGL did not start" in told
+    assert "(on Debian: apt-get install libegl1 libgl1-mesa-dri)" in told
 
 
 @pytest.mark.skipif(not all(map(shutil.which, PDF_TOOLS)), reason="poppler reads the PDF")
