@@ -177,6 +177,14 @@ def test_compare_refuses_what_it_can_t_use(run, small_project, tmp_path):
         run("trigpoint:compare", given | {"RECONSTRUCTION": str(tmp_path / "cut.laz")})
 
 
+def test_what_is_refused_names_the_parameter_and_not_an_option():
+    from trigpoint.errors import CrsError
+    from trigpoint_qgis.algorithms.base import told
+
+    with pytest.raises(QgsProcessingException, match="the right one in the parameter CRS"), told():
+        raise CrsError("the header names another CRS: name the right one with --crs.")  # noqa: EM101
+
+
 def test_what_is_missing_is_named_before_anything_runs(provider, monkeypatch):
     lack = deps.Lack("laspy", "2.5", None)
     monkeypatch.setattr(deps, "lacking", lambda *_: (lack,))

@@ -139,7 +139,7 @@ def told() -> Iterator[None]:
     try:
         yield
     except (TrigpointError, ValueError) as error:
-        raise QgsProcessingException(str(error)) from error
+        raise QgsProcessingException(_advised(str(error))) from error
     except OSError as error:
         where = f": {error.filename}" if error.filename else ""
         message = f"{error.strerror or error}{where}"
@@ -160,7 +160,12 @@ def sayer(feedback: Any) -> Callable[[str], None]:
 def warn(feedback: Any, cautions: Any) -> None:
     """Tell of doubts."""
     for caution in cautions:
-        feedback.pushWarning(caution.message)
+        feedback.pushWarning(_advised(caution.message))
+
+
+def _advised(message: str) -> str:
+    # The engine names its command line's option; here it is a parameter.
+    return message.replace("with --crs", "in the parameter CRS")
 
 
 def crs_text(crs: Any) -> str:
