@@ -182,7 +182,7 @@ def test_what_is_refused_names_the_parameter_and_not_an_option():
     from trigpoint_qgis.algorithms.base import told
 
     with pytest.raises(QgsProcessingException, match="the right one in the parameter CRS"), told():
-        raise CrsError("the header names another CRS: name the right one with --crs.")  # noqa: EM101
+        raise CrsError("the header names another CRS: name the right one with --crs.")
 
 
 def test_what_is_missing_is_named_before_anything_runs(provider, monkeypatch):
