@@ -10,7 +10,7 @@ import pytest
 
 import trigpoint
 from trigpoint.similarity import umeyama
-from trigpoint_reporting import cli
+from trigpoint_reporting import bundling, cli
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def run(monkeypatch, capsys):
 @pytest.fixture
 def without_report(monkeypatch):
     """Leave the report out, where the test is about what the audit does besides."""
-    monkeypatch.setattr(cli, "_report", lambda *_: ())
+    monkeypatch.setattr(bundling, "report", lambda *_: ())
 
 
 @pytest.fixture
@@ -256,6 +256,36 @@ def test_several_projects_get_an_index_page(run, small_project, tmp_path):
     page = (tmp_path / "out" / "index.html").read_text("utf-8")
     assert page.count("NOT TESTED") >= 2
     assert "second" in page
+
+
+def test_projects_are_all_read_before_the_first_is_run(run, small_project, tmp_path):
+    one, _ = small_project(folder=tmp_path / "one")
+    other, _ = small_project(folder=tmp_path / "other")
+    code, _, err = run("audit", one, other, "--out", tmp_path / "out")
+    assert code == 2
+    assert "Two projects would be written to" in err
+    other.write_text("[project]", "utf-8")
+    assert run("audit", one, other)[0] == 2
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "one" / "audit").exists()
+
+
+@pytest.mark.usefixtures("without_report")
+def test_an_issued_bundle_that_lacks_only_its_zip_gets_it_and_is_not_made_again(run, small):
+    project = small / "project.toml"
+    issued = 'id = "small"\nstatus = "issued"\ndate = 2026-09-21'
+    project.write_text(project.read_text("utf-8").replace('id = "small"', issued), "utf-8")
+    code, out, _ = run("audit", project, "--json")
+    (first,) = json.loads(out)["audits"]
+    archive = small / "audit" / "small-r1.zip"
+    whole = archive.read_bytes()
+    archive.unlink()
+    again = run("audit", project, "--json")
+    assert (code, again[0]) == (0, 0)
+    assert json.loads(again[1])["audits"] == [first]
+    assert "reading" not in again[2]
+    assert archive.read_bytes() == whole
+    assert run("audit", project)[0] == 2
 
 
 def test_output_that_nobody_reads_on_is_no_failed_limit(tmp_path):

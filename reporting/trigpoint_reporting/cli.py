@@ -14,13 +14,10 @@ from rich.console import Console
 
 import trigpoint
 from trigpoint.alignment import align as fit_picks
-from trigpoint.bundle import bundle_folder, fill_bundle
 from trigpoint.canonical import plain, to_json, write_text
-from trigpoint.cautions import Caution
 from trigpoint.comparison import WITHIN_M, measure
 from trigpoint.consensus import Method
 from trigpoint.crs import parse_crs
-from trigpoint.delivery import whole_folder
 from trigpoint.errors import RegionError, SettingError, TrigpointError
 from trigpoint.files import carry
 from trigpoint.inspection import inspect
@@ -39,7 +36,7 @@ from trigpoint.starter import start_project
 from trigpoint.surface import Surface
 from trigpoint_reporting import console as people
 from trigpoint_reporting.batch import write_index
-from trigpoint_reporting.sealing import pack, seal, write_record
+from trigpoint_reporting.bundling import check_apart, deliver
 from trigpoint_reporting.verification import verify as verify_bundle
 
 app = typer.Typer(
@@ -317,46 +314,28 @@ def verify(
     raise typer.Exit(0 if found.holds else 1)
 
 
-def _audit(projects: list[Path], out: Path | None, as_json: bool) -> int:
-    done: list[dict[str, Any]] = []
-    folders = []
-    for path in projects:
-        project = trigpoint.read_project(path)
-        folder = bundle_folder(project, out)
+def _audit(paths: list[Path], out: Path | None, as_json: bool) -> int:
+    # All are read before the first is run: nobody waits to be told of a typing error.
+    projects = [trigpoint.read_project(path) for path in paths]
+    check_apart(projects, out)
+    done = []
+    for project in projects:
         with _progress() as say:
-            audit = trigpoint.audit(project, say=say)
-            say("hashing the inputs")
-            results = audit.results()
-            with whole_folder(folder) as draft:
-                fill_bundle(draft, audit, results, say=say)
-                write_record(draft, audit, results)
-                doubts = _report(draft, say)
-                seal(draft)
-            archive = pack(folder)
-        folders.append(folder)
-        done.append({"path": str(folder), "zip": str(archive), "results": results})
+            found = deliver(project, out, say=say)
+        done.append(found)
         if not as_json:
-            people.show_audit(_people(), results, str(folder))
-        people.show_warnings(Console(stderr=True), warning_results(doubts))
+            people.show_audit(_people(), found.results, str(found.folder))
+        people.show_warnings(Console(stderr=True), warning_results(found.cautions))
+    folders = [found.folder for found in done]
     if len(folders) > 1 and len({folder.parent for folder in folders}) == 1:
         write_index(folders[0].parent / "index.html", folders)
     if as_json:
-        _print_json({"audits": done})
-    return 1 if any(each["results"]["verdict"] == "FAIL" for each in done) else 0
-
-
-def _report(folder: Path, say: people.Say) -> tuple[Caution, ...]:
-    """Write the report into a bundle, as far as what it needs is installed."""
-    try:
-        from trigpoint_reporting.document import write_report
-    except ImportError as error:
-        lacking = str(error) if isinstance(error, TrigpointError) else f"{error.name} is missing"
-        message = (
-            f"There is no report, only results, tables and clouds. {lacking.rstrip('.')}. Install "
-            'what reports need with pip install "trigpoint[reporting]".'
-        )
-        return (Caution("report_not_made", message),)
-    return write_report(folder, say=say)
+        told = [
+            {"path": str(found.folder), "zip": str(found.archive), "results": found.results}
+            for found in done
+        ]
+        _print_json({"audits": told})
+    return 1 if any(found.results["verdict"] == "FAIL" for found in done) else 0
 
 
 def _refuse_overwriting(written: Path | None, *read: Path) -> None:
