@@ -9,8 +9,8 @@ from trigpoint_panel.host import Host
 from trigpoint_panel.model import Model
 from trigpoint_panel.operators import end_second_operator
 from trigpoint_panel.pairs import Side
+from trigpoint_panel.picking import Picked
 from trigpoint_panel.table import PairTable
-from trigpoint_panel.view import Picked
 from trigpoint_panel.views import TwoViews
 
 

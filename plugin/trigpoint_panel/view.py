@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -21,44 +20,23 @@ from trigpoint_panel.marks import Marker
 from trigpoint_panel.mouse import Drag, Mouse
 from trigpoint_panel.opening import Opened
 from trigpoint_panel.overlaybar import OverlayBar
+from trigpoint_panel.picking import pick, position_of
 from trigpoint_panel.scene import Scene
-from trigpoint_panel.snapping import Mode, SnapError, snap
+from trigpoint_panel.snapping import Mode, SnapError
 from trigpoint_panel.stage import Stage
 from trigpoint_reporting.elevations import LIMIT_M
 
 Side = Literal["source", "target"]
 TITLES: dict[Side, str] = {"source": "Source", "target": "Target"}
 
-# Pixels around the cursor in which a point is picked, and around a pick that snaps look by default.
-REACH, SNAP_REACH = 5.0, 40.0
+# Pixels around the cursor in which a point is picked.
+REACH = 5.0
 # Milliseconds that the view rests before all points are drawn again.
 REST = 200
 # Degrees for a drag across the height of the view, and zoom for a step of the wheel.
 TURN, WHEEL = 180.0, 1.15
 # Height of what is seen where the view has flown to, as a share of what it is where all is seen.
 NEAR = 0.2
-
-
-@dataclass(frozen=True, slots=True)
-class Picked:
-    """A pick in one view.
-
-    Attributes
-    ----------
-    xyz : tuple of float
-        Where it was snapped to: absolute, float64, in the cloud's frame.
-    sigma : float
-        One standard deviation along each axis, in the cloud's units.
-    note : str
-        How it was snapped and where the click was; empty where the point itself was taken.
-    raw : tuple of float
-        The clicked point of the cloud.
-    """
-
-    xyz: Position
-    sigma: float
-    note: str
-    raw: Position
 
 
 class CloudView(QtWidgets.QWidget):
@@ -405,7 +383,7 @@ class CloudView(QtWidgets.QWidget):
     def _fly_under(self, at: QtCore.QPointF) -> None:
         row = self._row_at(at)
         if row is not None:
-            self.fly_to(_position(self.scene.coordinates(row)))
+            self.fly_to(position_of(self.scene.coordinates(row)))
 
     def _drag(self, drag: Drag, pixels: QtCore.QPointF) -> None:
         step = pixels / max(1, self._stage.height())
@@ -461,28 +439,14 @@ class CloudView(QtWidgets.QWidget):
                 f"the cloud."
             )
             return
-        raw = self.scene.coordinates(row)
-        mode, radius = self._snap
-        if radius is None:
-            radius = SNAP_REACH * self.scene.pixel_at(row)
         try:
-            found = snap(
-                self.scene.around(row, 2 * radius),
-                raw,
-                mode,
-                radius,
-                up=np.asarray(self.scene.up, np.float64),
-            )
+            self.picked.emit(pick(self.scene, row, *self._snap))
         except SnapError as error:
             self.refused.emit(str(error))
-            return
-        clicked = ", ".join(f"{value:.3f}" for value in raw)
-        note = f"{found.note}; clicked {clicked}" if found.note else ""
-        self.picked.emit(Picked(_position(found.xyz), found.sigma, note, _position(raw)))
 
     def _tell_hovered(self) -> None:
         row = self._row_at(self._mouse.at)
-        self.hovered.emit(None if row is None else _position(self.scene.coordinates(row)))
+        self.hovered.emit(None if row is None else position_of(self.scene.coordinates(row)))
 
     def _follow_mouse(self) -> None:
         self._magnifier.follow(self._mouse.at)
@@ -494,8 +458,3 @@ class CloudView(QtWidgets.QWidget):
     def _choose_up(self, up: Position | None) -> None:
         if self.opened is not None:
             self.set_up(guess_up(self.opened.cloud.xyz) if up is None else up)
-
-
-def _position(values: NDArray[np.float64]) -> Position:
-    x, y, z = map(float, values)
-    return x, y, z

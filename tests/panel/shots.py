@@ -14,8 +14,8 @@ from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QLineEdit
 
 from trigpoint.synthetic import clock_tower, write_project
+from trigpoint_panel.picking import Picked
 from trigpoint_panel.style import apply_theme
-from trigpoint_panel.view import Picked
 from trigpoint_panel.window import Window
 
 SIZES = {"1366x768": (1366, 768), "1920x1080": (1920, 1080)}

@@ -207,7 +207,7 @@ def test_a_crash_in_a_job_is_one_message_and_the_panel_stays_usable(panel, host,
 def test_a_pick_far_from_its_ghost_is_doubted_and_can_be_taken_back(panel, host):
     feed(panel, 5)
     panel.model.place("source", CORNERS[5])
-    from trigpoint_panel.view import Picked
+    from trigpoint_panel.picking import Picked
 
     far = tuple((TRUTH(CORNERS[[5]])[0] + [2.3, 0, 0]).tolist())
     panel.views.target.picked.emit(Picked(far, 0.05, "", far))
