@@ -9,7 +9,7 @@ from qtpy import QtCore, QtGui, QtWidgets
 
 from trigpoint_panel.camera import Camera, Position
 from trigpoint_panel.canvas import ImageCanvas
-from trigpoint_panel.motion import eye_dome
+from trigpoint_panel.lighting import EyeDome
 from trigpoint_panel.scene import Scene
 from trigpoint_panel.sight import aim
 from trigpoint_panel.stage import Stage
@@ -31,8 +31,9 @@ class Loupe(ImageCanvas):
         self.setFixedSize(SIDE, SIDE)
         self.setAttribute(QtCore.Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.plotter.suppress_rendering = True
-        self._lighting = eye_dome()
-        self.plotter.renderer.SetPass(self._lighting)
+        self._lighting = EyeDome(self.plotter.renderer)
+        self._lighting.measure(scene.extent)
+        self._lighting.switch(True)
         scene.add_renderer(self.plotter.renderer, wider=WIDER)
 
     def look(self, at: QtCore.QPointF) -> None:
@@ -70,8 +71,7 @@ class Loupe(ImageCanvas):
     def release(self) -> None:
         """Free what VTK holds."""
         self._scene.remove_renderer(self.plotter.renderer)
-        self.plotter.renderer.SetPass(None)
-        self._lighting.ReleaseGraphicsResources(self.plotter.render_window)
+        self._lighting.release()
         super().release()
 
 

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from vtkmodules.vtkRenderingOpenGL2 import vtkEDLShading, vtkRenderStepsPass
-
 from trigpoint_panel.layer import Layer
+from trigpoint_panel.lighting import EyeDome
 from trigpoint_panel.pace import Pace
 
 
@@ -36,12 +35,14 @@ class Motion:
         self._moving = False
         self._begun = 0.0
         self._renderer: Any = None
-        self._lighting: Any = None
+        self._lighting: EyeDome | None = None
+        self._extent = 1.0
         self._observers: list[int] = []
 
     def attach(self, renderer: Any) -> None:
         """Light one of VTK's renderers from now on, and time the pictures of its window."""
-        self._renderer, self._lighting = renderer, eye_dome()
+        self._renderer, self._lighting = renderer, EyeDome(renderer)
+        self._lighting.measure(self._extent)
         window = renderer.GetRenderWindow()
         self._observers = [
             window.AddObserver("StartEvent", self._begin),
@@ -54,9 +55,15 @@ class Motion:
         window = self._renderer.GetRenderWindow()
         for observer in self._observers:
             window.RemoveObserver(observer)
-        self._renderer.SetPass(None)
-        self._lighting.ReleaseGraphicsResources(window)
-        self._renderer = None
+        if self._lighting is not None:
+            self._lighting.release()
+        self._renderer = self._lighting = None
+
+    def measure(self, extent: float) -> None:
+        """Take note of the cloud's size from corner to corner."""
+        self._extent = extent
+        if self._lighting is not None:
+            self._lighting.measure(extent)
 
     def set_moving(self, moving: bool) -> None:
         """Say that the view moves, or rests."""
@@ -75,9 +82,8 @@ class Motion:
         """Draw of each layer, and of the lighting, what is to be drawn now."""
         for layer in self._layers():
             layer.draw_at_most(self.pace.count if self._moving else None)
-        if self._renderer is not None:
-            lit = self.eye_dome and not self._is_unlit
-            self._renderer.SetPass(self._lighting if lit else None)
+        if self._lighting is not None:
+            self._lighting.switch(self.eye_dome and not self._is_unlit)
 
     @property
     def _is_unlit(self) -> bool:
@@ -94,10 +100,3 @@ class Motion:
             took = perf_counter() - self._begun
             if self.pace.took(took, max(layer.drawn for layer in layers)):
                 self.apply()
-
-
-def eye_dome() -> Any:
-    """Return a render pass that darkens the edges in depth."""
-    lighting = vtkEDLShading()
-    lighting.SetDelegatePass(vtkRenderStepsPass())
-    return lighting

@@ -149,6 +149,7 @@ class Scene:
         self._shown = Shown(cloud)
         self.origin = self._shown.origin
         self.extent = extent_of(self._shown.local)
+        self._motion.measure(self.extent)
         self._paint(modes_of(cloud)[0])
         self._draw_layer()
         self._place_overlay()

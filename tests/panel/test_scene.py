@@ -258,6 +258,41 @@ def test_eye_dome_lighting_is_on_and_can_be_turned_off(scene, plotter):
     assert np.abs(shot(plotter) - lit).mean() < 0.01
 
 
+@pytest.mark.parametrize("attribute", ["height", "classification", "distance_m"])
+@pytest.mark.parametrize("rise", [90.0, 45.0, 22.0])
+def test_flat_ground_is_drawn_in_the_colours_of_the_legend(scene, plotter, attribute, rise):
+    across = np.linspace(-10, 10, 250)
+    ground = np.stack([*np.meshgrid(across, across), np.zeros((250, 250))], axis=2).reshape(-1, 3)
+    # A step at one end, or all were of one height and class.
+    step = np.array([[x, 10.0, z] for x in across for z in across / 5 + 2])
+    rows = len(ground), len(step)
+    values = {
+        "height": {},
+        "classification": {"classification": np.repeat([2, 6], rows).astype(np.uint8)},
+        "distance_m": {"distance_m": np.repeat([0.12, 0.45], rows)},
+    }[attribute]
+    scene.show(cloud_from(np.vstack([ground, step]), attributes=values))
+    scene.colour_by({"classification": "class", "distance_m": "distance"}.get(attribute, "height"))
+    assert scene.eye_dome
+    lean = np.radians(min(rise, 89.9))
+    stand = (0.0, -float(np.cos(lean)), float(np.sin(lean)))
+    scene.camera = camera_from(stand, (0, 0, 1), np.zeros(3), 12.0)
+    drawn = shot(plotter)[140:160, 180:220]
+    (colour,) = np.unique(scene._colours[: rows[0]], axis=0)
+    legend = [*scene.legend.ramp, *(swatch for swatch, _ in scene.legend.swatches)]
+    assert "#" + bytes(colour.tolist()).hex() in legend
+    assert np.abs(drawn - colour).max() <= 8
+
+
+def test_a_step_in_depth_has_a_dark_edge(scene, plotter):
+    scene.colour_by("height")
+    scene.look("front")
+    lit = shot(plotter)
+    scene.set_eye_dome(False)
+    darkened = (lit.sum(axis=2) < 0.7 * shot(plotter).sum(axis=2)).mean()
+    assert 0.002 < darkened < 0.1
+
+
 def test_a_scene_outlives_its_plotter(scene, plotter):
     scene.set_markers([Marker((741_000.0, 4_279_000.0, 170.0), "P1")])
     scene.set_dark(True)
