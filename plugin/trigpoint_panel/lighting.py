@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-import pyvista as pv
+from vtkmodules.vtkFiltersSources import vtkLineSource
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 from vtkmodules.vtkRenderingOpenGL2 import vtkEDLShading, vtkRenderStepsPass
 
@@ -30,9 +29,12 @@ class EyeDome:
         self._renderer = renderer
         self._pass = vtkEDLShading()
         self._pass.SetDelegatePass(vtkRenderStepsPass())
-        self._ends = vtkPolyDataMapper()
+        self._ends = vtkLineSource()
+        mapper = vtkPolyDataMapper()
+        mapper.SetInputConnection(self._ends.GetOutputPort())
         self._far = vtkActor()
-        self._far.SetMapper(self._ends)
+        self._far.SetMapper(mapper)
+        self._far.GetProperty().SetRepresentationToPoints()
         self._far.PickableOff()
         # The clipping planes stay at the cloud, and clip the two points.
         self._far.UseBoundsOff()
@@ -42,8 +44,8 @@ class EyeDome:
     def measure(self, extent: float) -> None:
         """Take note of the cloud's size from corner to corner."""
         half = SOFTER * extent / 2
-        ends = np.array([[-half, 0, 0], [half, 0, 0]], np.float32)
-        self._ends.SetInputData(pv.PolyData(ends))
+        self._ends.SetPoint1(-half, 0, 0)
+        self._ends.SetPoint2(half, 0, 0)
 
     def switch(self, on: bool) -> None:
         """Light the next pictures, or do not."""
