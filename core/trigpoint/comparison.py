@@ -277,7 +277,8 @@ def _thresholds_on_the_lattice(
         which = f"The threshold {listed} m is" if len(low) == 1 else f"Thresholds {listed} m are"
         message = (
             f"{which} not above the voxel of {lattice.voxel:g} m: the share within depends on "
-            "where the lattice starts. Read the unthinned share beside it, or take a smaller voxel."
+            "where the lattice starts. Read the unthinned share (in the report's table; raw_pct in "
+            "results.json), or take a smaller voxel."
         )
         yield Caution("threshold_below_voxel", message)
 

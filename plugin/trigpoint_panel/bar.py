@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from qtpy.QtCore import Qt, Signal
-from qtpy.QtGui import QAction
+from qtpy.QtGui import QAction, QResizeEvent
 from qtpy.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
@@ -48,10 +48,23 @@ SUBMENUS = {
         ("fit_view", "front", "right", "top", "parallel", "eye_dome", "larger", "smaller"),
     ),
 }
+# Which buttons keep their words, from the widest bar to the narrowest; all have an icon.
+WORDED: tuple[frozenset[str], ...] = (
+    frozenset(
+        {"menu", "open_source", "open_target", "pick", "link", "overlay", "swap"}
+        | {"next_places", "pane"}
+    ),
+    frozenset({"menu", "open_source", "open_target", "pick", "pane"}),
+    frozenset({"open_source", "open_target", "pick"}),
+    frozenset(),
+)
 
 
 class Bar(QToolBar):
     """The toolbar.
+
+    The menu stands first, where no bar is too narrow for it. The buttons say as much in words as
+    there is room for; what has no room even as an icon is in the menu behind the bar's last arrow.
 
     Attributes
     ----------
@@ -66,12 +79,22 @@ class Bar(QToolBar):
         self._actions = actions
         self.setObjectName("bar")
         self.setMovable(False)
-        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.menu_button = QToolButton(self)
+        self.menu_button.setText("Menu")
+        self.menu_button.setAccessibleName("Menu")
+        self.menu_button.setToolTip("Everything else (F10)")
+        self.menu_button.setShortcut("F10")
+        self.menu_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.menu = QMenu(self.menu_button)
+        self._fill(self.menu)
+        self.menu_button.setMenu(self.menu)
+        self.addWidget(self.menu_button)
+        self.addSeparator()
         for name in ("open_source", "open_target"):
             self.addAction(actions[name])
         self.addSeparator()
         self.addAction(actions["pick"])
-        self.addWidget(_label("Snap", self))
+        self._beside: list[QAction] = [self.addWidget(_label("Snap", self))]
         self.snap = QComboBox(self)
         self.snap.setAccessibleName("Snap to")
         self.snap.setToolTip("What a click snaps to; the click itself is kept in the pair's note.")
@@ -86,8 +109,8 @@ class Bar(QToolBar):
         self.radius.setSingleStep(0.1)
         self.radius.setSuffix(" m")
         self.radius.setValue(0)
-        self.radius.setEnabled(False)
-        self.addWidget(self.radius)
+        self._beside.append(self.addWidget(self.radius))
+        self._beside[-1].setEnabled(False)
         self.addSeparator()
         for name in ("undo", "redo"):
             self.addAction(actions[name])
@@ -100,19 +123,17 @@ class Bar(QToolBar):
         space.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.addWidget(space)
         self.addAction(actions["pane"])
-        self.menu_button = QToolButton(self)
-        self.menu_button.setText("Menu")
-        self.menu_button.setToolTip("Everything else (F10)")
-        self.menu_button.setShortcut("F10")
-        self.menu_button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        self.menu_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        self.menu = QMenu(self.menu_button)
-        self._fill(self.menu)
-        self.menu_button.setMenu(self.menu)
-        self.addWidget(self.menu_button)
         self.widgetForAction(actions["pick"]).setObjectName("pick-button")
         for button in self.findChildren(QToolButton):
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        self._buttons: dict[str, QToolButton] = {"menu": self.menu_button}
+        for name, action in actions.items():
+            made = self.widgetForAction(action)
+            if isinstance(made, QToolButton):
+                self._buttons[name] = made
+        arrow = self.findChild(QToolButton, "qt_toolbar_ext_button")
+        assert arrow is not None
+        self._arrow = arrow
         self.snap.currentIndexChanged.connect(self._snap)
         self.radius.valueChanged.connect(self._snap)
 
@@ -123,6 +144,31 @@ class Bar(QToolBar):
                 down = look.on_accent if name == "pick" else look.accent
                 self._actions[name].setIcon(icon(command.icon, look.text, down))
         self.menu_button.setIcon(icon("menu", look.text, look.text))
+        self._arrow.setIcon(icon("more", look.text, look.text))
+        self._word()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Say in words what there is room for."""
+        super().resizeEvent(event)
+        if event.oldSize().width() != event.size().width():
+            self._word()
+
+    def _word(self) -> None:
+        for worded in WORDED:
+            for name, button in self._buttons.items():
+                button.setToolButtonStyle(
+                    Qt.ToolButtonStyle.ToolButtonTextBesideIcon
+                    if name in worded
+                    else Qt.ToolButtonStyle.ToolButtonIconOnly
+                )
+            # Where not even icons fit, a radius that serves nothing gives way too.
+            for action in self._beside:
+                action.setVisible(bool(worded) or self.snap.currentData() != "point")
+            inside = self.layout()
+            assert inside is not None
+            inside.invalidate()
+            if self.sizeHint().width() <= self.width():
+                return
 
     def _fill(self, menu: QMenu) -> None:
         for group in MENU:
@@ -136,7 +182,8 @@ class Bar(QToolBar):
 
     def _snap(self) -> None:
         mode = cast(Mode, self.snap.currentData())
-        self.radius.setEnabled(mode != "point")
+        self._beside[-1].setEnabled(mode != "point")
+        self._word()
         self.snap_changed.emit(mode, self.radius.value() or None)
 
 

@@ -14,6 +14,7 @@ from trigpoint_panel.stateline import Running, StateLine
 
 # A level is a word before it is a colour.
 WORDS = {"info": "", "good": "Fit", "amber": "Weak", "red": "Look"}
+OUTDATED = "Outdated"
 LEVELS = {"info": "", "good": "success", "amber": "warning", "red": "error"}
 
 
@@ -64,9 +65,10 @@ class Foot(QWidget):
         self.stop.hide()
         row.addWidget(self.stop)
 
-    def show_line(self, line: StateLine) -> None:
-        """Show where things stand."""
-        say(self.word, WORDS[line.level], LEVELS[line.level])
+    def show_line(self, line: StateLine, *, stale: bool = False) -> None:
+        """Show where things stand; `stale`: the pairs changed after the report was made."""
+        word = OUTDATED if stale and line.level == "amber" else WORDS[line.level]
+        say(self.word, word, LEVELS[line.level])
         self.line.setText(line.text)
         self.line.setToolTip(line.text)
         self.setAccessibleDescription(line.text)

@@ -6,10 +6,19 @@ import datetime as dt
 from functools import partial
 
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QCheckBox, QComboBox, QLineEdit, QPlainTextEdit, QSpinBox, QWidget
+from qtpy.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QPlainTextEdit,
+    QSpinBox,
+    QWidget,
+)
 
 from trigpoint_panel.auditing import Audited
 from trigpoint_panel.forms import Tab, quietly, say, show_text
+from trigpoint_panel.host import Level
 from trigpoint_panel.model import Model
 
 FIELDS = {
@@ -20,7 +29,12 @@ FIELDS = {
     "organisation": "Organisation",
     "purpose": "Purpose",
 }
-LEVELS = {"PASS": "success", "CONDITIONAL": "warning", "FAIL": "error", "NOT TESTED": ""}
+LEVELS: dict[str, Level] = {
+    "PASS": "success",
+    "CONDITIONAL": "warning",
+    "FAIL": "error",
+    "NOT TESTED": "info",
+}
 
 
 class ReportTab(Tab):
@@ -56,6 +70,7 @@ class ReportTab(Tab):
         self.opens.setChecked(True)
         self.column.addWidget(self.opens)
         self.verdict = self.sentence()
+        self.warnings = self.sentence(faint=True)
         self.place = self.sentence(faint=True)
         self.html, self.pdf, self.folder = self.buttons(
             ("Report", partial(self._open, "report.html")),
@@ -85,9 +100,12 @@ class ReportTab(Tab):
         form.addRow("Revision", self.revision)
         self.limitations = QPlainTextEdit(self.inside)
         self.limitations.setAccessibleName("Limitations")
-        self.limitations.setPlaceholderText("Limitations, in a person's words")
+        self.limitations.setPlaceholderText("In a person's words")
         self.limitations.setTabChangesFocus(True)
         self.limitations.setFixedHeight(4 * self.fontMetrics().height() + 10)
+        above = QLabel("Limitations", self.inside)
+        above.setBuddy(self.limitations)
+        form.addRow(above)
         form.addRow(self.limitations)
         self.column.addStretch(1)
 
@@ -109,6 +127,7 @@ class ReportTab(Tab):
         show_text(self.identity, about.id)
         for key, field in self.fields.items():
             show_text(field, getattr(about, key))
+            field.setToolTip(field.text())  # whole, where the field is too short for it
         show_text(self.date, "" if about.date is None else about.date.isoformat())
         settings = self._model.state.comparison
         with quietly(self.icp, self.intervals):
@@ -148,16 +167,13 @@ class ReportTab(Tab):
         self.folder.setVisible(audited is not None)
         if audited is None:
             say(self.verdict, "")
+            say(self.warnings, "")
             say(self.place, "")
             return
-        warnings = len(audited.results["warnings"])
-        doubts = f"{warnings} warning{'' if warnings == 1 else 's'}"
-        stale = " Pairs changed since: run again." if self._model.is_stale else ""
-        say(
-            self.verdict,
-            f"Verdict: {audited.verdict}, with {doubts}.{stale}",
-            "warning" if stale else LEVELS.get(audited.verdict, ""),
-        )
+        stale = " Made before the pairs changed: run again." if self._model.is_stale else ""
+        # Its colour stays: what failed has not become better by moving a pair.
+        say(self.verdict, told(audited) + stale, LEVELS.get(audited.verdict, ""))
+        say(self.warnings, _listed(audited))
         say(self.place, str(audited.folder))
 
     def _set(self, key: str, field: QLineEdit) -> None:
@@ -183,3 +199,18 @@ class ReportTab(Tab):
     def _open(self, name: str) -> None:
         if self._audited is not None:
             self.document_wanted.emit(self._audited.folder / name)
+
+
+def told(audited: Audited) -> str:
+    """Say what an audit found, in one sentence."""
+    count = len(audited.results["warnings"])
+    return f"Verdict: {audited.verdict}, with {count} warning{'' if count == 1 else 's'}."
+
+
+def warnings_of(audited: Audited) -> list[str]:
+    """Return what an audit warns of, each in its sentence."""
+    return [str(each["message"]) for each in audited.results["warnings"]]
+
+
+def _listed(audited: Audited) -> str:
+    return "\n".join(f"• {each}" for each in warnings_of(audited))

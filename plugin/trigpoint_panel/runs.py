@@ -20,7 +20,7 @@ from trigpoint_panel.measuring import Bench, Findings
 from trigpoint_panel.model import Model
 from trigpoint_panel.opening import Opened
 from trigpoint_panel.pairs import SIDES, Side
-from trigpoint_panel.report_tab import ReportTab
+from trigpoint_panel.report_tab import LEVELS, ReportTab, told, warnings_of
 from trigpoint_panel.state import State
 from trigpoint_panel.views import TwoViews
 
@@ -167,8 +167,9 @@ class Runs(QObject):
             (f"Open {path.suffix[1:].upper()}", partial(self._host.open_document, path))
             for path in documents
         ]
-        text = f"The report is done: {audited.verdict}. It is in {audited.folder}."
-        self._host.message("success", text, "", ways)
+        text = f"The report is done. {told(audited)} It is in {audited.folder}."
+        level = LEVELS.get(audited.verdict, "info")
+        self._host.message(level, text, "\n".join(warnings_of(audited)), ways)
         self._host.add_layer(audited.folder, "bundle")
         if documents and self._report_tab.opens.isChecked():
             self._host.open_document(documents[0])

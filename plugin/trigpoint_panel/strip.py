@@ -26,7 +26,7 @@ from trigpoint_panel.style import look_of
 WORDS = {"info": "Note", "success": "Done", "warning": "Doubt", "error": "Problem"}
 SIGNS = {"info": "i", "success": "✓", "warning": "!", "error": "✗"}
 MOST = 3  # messages at once; older ones make room
-NARROW = 800  # pixels; in less the buttons go below their message
+ROOMY = 480  # pixels; where a message would have less beside its buttons, they go below it
 MARGIN = 2  # pixels above and below a sentence
 LEFT, RIGHT = 10, 4  # of a message
 LINES = 5  # of a message at once; what is longer scrolls
@@ -68,7 +68,9 @@ class Sentence(QPlainTextEdit):
         self.setVerticalScrollBarPolicy(
             policy.ScrollBarAsNeeded if scrolls else policy.ScrollBarAlwaysOff
         )
-        self.setFixedHeight(min(lines, LINES) * self.fontMetrics().lineSpacing() + 2 * MARGIN + 2)
+        # What scrolls has no margin below: the top of one more line would show in it.
+        below = 0 if scrolls else MARGIN + 2
+        self.setFixedHeight(min(lines, LINES) * self.cursorRect().height() + MARGIN + below)
 
 
 class Message(QFrame):
@@ -110,7 +112,7 @@ class Message(QFrame):
         said.addWidget(self.sentence, 1, Qt.AlignmentFlag.AlignVCenter)
         self.buttons: list[QToolButton] = []
         for name, act in actions:
-            self._button(row, name, partial(self._act, act))
+            self._button(row, name, partial(self._act, act, name.endswith("…")))
         if details:
             self._details = QPlainTextEdit(details, self)
             self._details.setReadOnly(True)
@@ -119,6 +121,7 @@ class Message(QFrame):
             column.addWidget(self._details)
             self._button(row, "Details", self._toggle_details)
             self._button(row, "Copy", self._copy)
+        self._has_ways = bool(self.buttons)
         close = self._button(top, "✕", self.close_message)
         close.setAccessibleName("Close this message")
         close.setToolTip("Close this message")
@@ -133,7 +136,8 @@ class Message(QFrame):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Put the buttons below the sentence where there is no room beside it."""
         super().resizeEvent(event)
-        beside = self.width() >= NARROW
+        others = self.word.sizeHint().width() + self._ways.sizeHint().width()
+        beside = not self._has_ways or self.width() - others >= ROOMY
         way = QBoxLayout.Direction
         self._sides.setDirection(way.LeftToRight if beside else way.TopToBottom)
 
@@ -152,8 +156,10 @@ class Message(QFrame):
             "#sentence { background: transparent; border: 0; }"
         )
 
-    def _act(self, act: Callable[[], object]) -> None:
-        self.close_message()
+    def _act(self, act: Callable[[], object], asks_first: bool) -> None:
+        """Act and go away; what asks first can be given up, and then the message still holds."""
+        if not asks_first:
+            self.close_message()
         act()
 
     def _button(self, row: QHBoxLayout, text: str, act: Callable[[], object]) -> QToolButton:

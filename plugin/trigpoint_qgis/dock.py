@@ -41,7 +41,6 @@ class TrigpointDock(QDockWidget):
         self.host: Any = None
         self._attach = attach
         self._filled = False
-        self._wide = 0
         inside = QWidget(self)
         inside.setMinimumSize(SMALLEST)
         self._column = QVBoxLayout(inside)
@@ -77,16 +76,6 @@ class TrigpointDock(QDockWidget):
             self._attach()
             if not deps.lacking(deps.PANEL):
                 QTimer.singleShot(0, self.look_again)
-
-    def resizeEvent(self, event: Any) -> None:
-        """Leave the words out of the panel's toolbar where its last buttons had no room."""
-        super().resizeEvent(event)
-        if self.panel is not None and self._wide:
-            self.panel.bar.setToolButtonStyle(
-                Qt.ToolButtonStyle.ToolButtonTextBesideIcon
-                if self.width() > self._wide
-                else Qt.ToolButtonStyle.ToolButtonIconOnly
-            )
 
     def look_again(self) -> None:
         """Show the panel if all it needs is there, else the card."""
@@ -144,7 +133,6 @@ class TrigpointDock(QDockWidget):
                 self.host = None
             return f"{type(error).__name__}: {error}"
         self._column.addWidget(self.panel, 1)
-        self._wide = 0
         QTimer.singleShot(0, self._settle)
         return ""
 
@@ -152,13 +140,7 @@ class TrigpointDock(QDockWidget):
         """Give the panel its room, once it is shown in its own style and can be measured."""
         if self.panel is None:
             return
-        frame = self.width() - self.panel.width()
-        self._wide = self.panel.bar.sizeHint().width() + frame
-        if self.isFloating():
-            self.resize(max(self.width(), self._wide + 1), self.height())
-            self._stay_on_screen()
-        else:
-            self._moved(False)
+        self._moved(self.isFloating())
 
     def _moved(self, floats: bool) -> None:
         """Give the views a height where the dock lies, and keep it in reach where it floats."""

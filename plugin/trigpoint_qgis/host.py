@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,9 @@ class QgisHost:
             QgsApplication.messageLog().logMessage(f"{text}\n{details}", "Trigpoint", LEVELS[level])
         for title, action in actions:
             button = QPushButton(title, item)
-            button.clicked.connect(lambda _checked=False, act=action: self._answered(item, act))
+            # What asks first can be given up, and then the message still holds.
+            answer = action if title.endswith("…") else partial(self._answered, item, action)
+            button.clicked.connect(lambda _checked=False, act=answer: act())
             item.layout().addWidget(button)
         self._bar.pushWidget(item, LEVELS[level], SECONDS[level])
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 pytest.importorskip("pyvista", reason="the panel's packages are not installed")
 
-from qtpy.QtCore import QSettings, Qt
+from qtpy.QtCore import QSettings, Qt, QTimer
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QDialogButtonBox
 
@@ -32,6 +32,52 @@ def window(qtbot, tmp_path):
     made.close()
     made.deleteLater()
     qtbot.wait(1)
+
+
+@pytest.mark.parametrize("width", [None, 1366, 1092, 960, 700, 480])
+def test_the_menu_is_in_reach_at_every_width(window, qtbot, width):
+    if width is not None:
+        window.panel.action("pane").setChecked(False)
+        window.resize(width, 600)
+    window.activateWindow()
+    qtbot.waitUntil(lambda: width is None or window.width() == width, timeout=2000)
+    bar = window.panel.bar
+    assert bar.menu_button.isVisible()
+    assert bar.rect().contains(bar.menu_button.geometry())
+    seen = []
+
+    def look():
+        seen.append(QApplication.activePopupWidget())
+        seen[0].close()
+
+    QTimer.singleShot(100, look)
+    QTest.keyClick(window.panel.views.source, Qt.Key.Key_F10)
+    qtbot.waitUntil(lambda: bool(seen), timeout=2000)
+    assert seen == [bar.menu]
+
+
+def test_the_first_window_shows_its_words_and_a_narrow_one_an_arrow(window, qtbot):
+    bar, beside = window.panel.bar, Qt.ToolButtonStyle.ToolButtonTextBesideIcon
+    buttons = [bar.widgetForAction(window.panel.action(name)) for name in ("link", "pane")]
+    window.resize(1320, 700)
+    qtbot.wait(20)
+    assert [button.toolButtonStyle() for button in buttons] == [beside, beside]
+    assert not bar._arrow.isVisible()
+    window.panel.action("pane").setChecked(False)
+    window.resize(480, 600)
+    qtbot.wait(20)
+    assert bar._arrow.isVisible()
+    held = bar._arrow.icon().pixmap(12, 12).toImage()
+    assert any(held.pixelColor(x, y).alpha() for x in range(12) for y in range(12))
+
+
+def test_a_radius_is_asked_for_where_there_is_one(window):
+    bar = window.panel.bar
+    assert not bar.radius.isEnabled()
+    bar.snap.setCurrentIndex(1)
+    assert bar.radius.isEnabled()
+    window.resize(700, 600)
+    assert bar.radius.isEnabled()
 
 
 def test_without_its_packages_it_says_what_to_install(capsys, monkeypatch):
@@ -181,10 +227,33 @@ def test_a_long_message_is_read_whole_and_widens_nothing(window, qtbot, text):
     qtbot.waitUntil(lambda: int(sentence.document().size().height()) < lines, timeout=2000)
 
 
+def test_a_message_stays_while_what_it_offers_can_be_given_up(qtbot):
+    strip = MessageStrip()
+    qtbot.addWidget(strip)
+    asked = []
+    message = strip.add("error", "no CRS", "", [("Choose a CRS…", lambda: asked.append(1))])
+    message.buttons[0].click()
+    assert asked == [1]
+    assert strip.texts() == ["no CRS"]
+
+
+@pytest.mark.parametrize(("width", "below"), [(800, True), (1500, False)])
+def test_a_message_has_room_beside_its_buttons_or_above_them(window, qtbot, width, below):
+    window.resize(width, 600)
+    ways = [(text, lambda: None) for text in ("Choose a CRS…", "Keep as it is", "Open the folder")]
+    message = window.strip.add("warning", "word " * 30, "why", ways)
+    qtbot.waitUntil(lambda: message.width() == width, timeout=2000)
+    qtbot.waitUntil(lambda: message.sentence.width() >= 400, timeout=2000)
+    under = message.sentence.geometry().bottom
+    qtbot.waitUntil(lambda: (message.buttons[0].y() > under()) is below, timeout=2000)
+
+
 def test_a_message_of_many_lines_leaves_room_and_scrolls(window, qtbot):
     message = window.strip.add("error", "\n".join(map(str, range(200))))
     qtbot.waitUntil(lambda: message.sentence.verticalScrollBar().maximum() > 100, timeout=2000)
     assert message.height() < 150
+    line = message.sentence.cursorRect().height()
+    assert message.sentence.height() == 5 * line + 2  # and nothing of a sixth
 
 
 def test_a_crs_is_named_back_before_it_is_taken(qtbot):

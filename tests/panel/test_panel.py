@@ -20,6 +20,7 @@ from trigpoint.files import write
 from trigpoint.similarity import Similarity
 from trigpoint_panel import stateline
 from trigpoint_panel.actions import COMMANDS, keys_told
+from trigpoint_panel.auditing import Audited
 from trigpoint_panel.jobs import Job, Pool, told
 from trigpoint_panel.panel import Panel
 from trigpoint_panel.style import DARK, LIGHT, apply_theme
@@ -374,6 +375,31 @@ def test_an_audit_that_can_not_run_says_so(panel, host, clouds, qtbot):
     assert not panel.model.is_stale
 
 
+VERDICTS = {"PASS": "success", "CONDITIONAL": "warning", "FAIL": "error", "NOT TESTED": "info"}
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_a_verdict_is_told_in_its_colour_and_keeps_it_when_pairs_change(
+    panel, host, tmp_path, verdict
+):
+    feed(panel)
+    warnings = [{"code": "a", "message": "Too few checks."}, {"code": "b", "message": "No CRS."}]
+    audited = Audited(tmp_path, tmp_path, {"verdict": verdict, "warnings": warnings})
+    panel.runs._audited(audited, panel.model.state)
+    (level, text, details, _), *_ = host.said
+    assert level == VERDICTS[verdict]
+    assert f"Verdict: {verdict}, with 2 warnings." in text
+    assert details == "Too few checks.\nNo CRS."
+    tab = panel.report_tab
+    assert tab.warnings.text() == "• Too few checks.\n• No CRS."
+    assert panel.foot.word.text() != "Outdated"
+    x, y, z = panel.model.pairs[0].target
+    panel.model.move(panel.model.pairs[0].id, "target", (x + 0.01, y, z))
+    assert tab.verdict.text().endswith("Made before the pairs changed: run again.")
+    assert tab.verdict.property("level") == VERDICTS[verdict]
+    assert panel.foot.word.text() == "Outdated"
+
+
 def test_no_project_file_chosen_means_no_audit(panel, host, clouds, qtbot):
     load(panel, clouds, qtbot)
     feed(panel)
@@ -566,7 +592,15 @@ def _check_layout(panel, size):
                 continue  # the views elide
             assert label.width() >= wide - 1, label.text()
     for button in [*panel.findChildren(QPushButton), *panel.findChildren(QToolButton)]:
-        if button.isVisible() and button.text() and not panel.views.isAncestorOf(button):
+        shows_words = not isinstance(button, QToolButton) or (
+            button.toolButtonStyle() != Qt.ToolButtonStyle.ToolButtonIconOnly
+        )
+        if (
+            button.isVisible()
+            and button.text()
+            and (shows_words or button.icon().isNull())
+            and not panel.views.isAncestorOf(button)
+        ):
             wide = QFontMetrics(button.font()).horizontalAdvance(button.text())
             assert button.width() >= wide, button.text()
     for tab in (panel.align_tab, panel.errors_tab, panel.report_tab):

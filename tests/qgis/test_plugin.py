@@ -312,6 +312,16 @@ def test_messages_appear_in_the_bar_with_what_can_be_done(host):
     wait_until(lambda: host.bar.currentItem() is None)
 
 
+def test_a_message_stays_while_what_it_offers_can_be_given_up(host):
+    asked = []
+    host.message("error", "The cloud has no CRS.", "", [("Choose a CRS…", lambda: asked.append(1))])
+    item = host.bar.currentItem()
+    (choose,) = [b for b in item.findChildren(QPushButton) if b.text() == "Choose a CRS…"]
+    choose.click()
+    assert asked == [1]
+    assert host.bar.currentItem() is item
+
+
 def test_a_document_that_nothing_opens_is_told_with_its_place(host, monkeypatch, tmp_path):
     from trigpoint_qgis import host as room
 
