@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,19 @@ class Evidence:
         """Read ``data/<name>.csv``; ids stay text, also where one is "007" or "NA"."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, dtype={"id": str}, keep_default_na=False, na_values=[""])
+
+    def picking_sigma(
+        self, name: str, frame: Literal["source", "target"], role: Literal["control", "check"]
+    ) -> float | None:
+        """Return the root mean square of the sigmas that picks state in a frame, per axis.
+
+        None where no pick of that role states one, or the bundle holds no picks.
+        """
+        if not (self.folder / "data" / f"correspondences-{name}.csv").is_file():
+            return None
+        table = self.table(f"correspondences-{name}")
+        stated = table.loc[table["role"] == role, f"sigma_{frame}"].dropna().to_numpy(np.float64)
+        return float(np.sqrt((stated**2).mean())) if len(stated) else None
 
     def distances(self, name: str, *keys: str) -> dict[str, NDArray[np.float64]]:
         """Read a reconstruction's distances, their heights, and the edges of the zones.

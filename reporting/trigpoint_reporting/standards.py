@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from trigpoint_reporting.blocks import Cell, Passage
+from trigpoint_reporting.blocks import Cell, Passage, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived, number_text
 from trigpoint_reporting.wording import held_out_error
@@ -23,6 +23,10 @@ WORDING_CHECKED_ON = (
     "members, was not consulted"
 )
 BLANK = "___"
+NO_CLASS = (
+    "no limit on checks.total_m or checks.rmse_m asks for an accuracy class, so no sentence of the "
+    "standard is quoted. "
+)
 
 
 def combined(fit: float, survey: float) -> float:
@@ -36,14 +40,14 @@ def combined(fit: float, survey: float) -> float:
     return math.hypot(fit, survey)
 
 
-def asprs_sentence(checks: int, *, class_cm: float | None, tested_cm: float | None) -> str:
+def asprs_sentence(checks: int, *, class_cm: float, tested_cm: float | None) -> str:
     """Return the standard's own sentence for a 3D product, its numbers filled in.
 
     Parameters
     ----------
     checks : int
         Independent check points that are at least twice as accurate as the product.
-    class_cm : float or None
+    class_cm : float
         RMSE of the accuracy class that the project asks for.
     tested_cm : float or None
         RMSE found at them, the check points' own error included.
@@ -54,7 +58,7 @@ def asprs_sentence(checks: int, *, class_cm: float | None, tested_cm: float | No
         With thirty check points, tested to meet; with fewer, tested with ONLY so many; without,
         produced to meet, for which the standard has a horizontal form and none in three dimensions.
     """
-    asked = BLANK if class_cm is None else number_text(class_cm, 1)
+    asked = number_text(class_cm, 1)
     found = BLANK if tested_cm is None else number_text(tested_cm, 1)
     three = (
         f"{asked}(cm) RMSE_3D Three-Dimensional Positional Accuracy Class. The tested "
@@ -78,12 +82,16 @@ def asprs_sentence(checks: int, *, class_cm: float | None, tested_cm: float | No
 
 @dataclass(frozen=True, slots=True)
 class TwiceRule:
-    """Whether the reference is at least twice as accurate as what it judges (ASPRS Ed. 2, 7.12).
+    """Whether the check picks are at least twice as accurate as what they judge (Ed. 2, 7.12).
 
     Attributes
     ----------
+    accuracy_m : float or None
+        Accuracy of the reference along an axis, metres; None where the project does not state it.
+    picking_m : float or None
+        Sigma along an axis with which the check picks were read from it, as the picks state it.
     reference_m : float or None
-        Accuracy of the reference in space, metres; None where the project does not state it.
+        Both together in space, metres; None where the reference's is not stated.
     judged_m : float or None
         What it is compared with, metres.
     basis : str
@@ -94,6 +102,8 @@ class TwiceRule:
         None where it can't be told.
     """
 
+    accuracy_m: float | None
+    picking_m: float | None
     reference_m: float | None
     judged_m: float | None
     basis: str
@@ -102,10 +112,12 @@ class TwiceRule:
 
 
 def twice_rule(evidence: Evidence, name: str) -> TwiceRule:
-    """Compare the reference's stated accuracy with the class asked for, or the error found."""
+    """Compare what the check picks are good to with the class asked for, or the error found."""
     found = Numbers(evidence.results).below("reconstructions", name)
     axis = evidence.results["project"]["settings"]["reference"]["accuracy_m"]
-    reference = None if axis is None else math.sqrt(3) * axis
+    picking = evidence.picking_sigma(name, "target", "check")
+    # A point read from the reference has the error of both: of where it lies and of the reading.
+    reference = None if axis is None else math.sqrt(3) * math.hypot(axis, picking or 0.0)
     asked = class_asked(evidence, name)
     if asked is not None:
         judged, basis = asked, "the accuracy class asked for"
@@ -115,7 +127,7 @@ def twice_rule(evidence: Evidence, name: str) -> TwiceRule:
         judged, picks = held_out_error(found)
         basis = f"the error found ({picks})"
     holds = None if reference is None or judged is None else 2 * reference <= judged
-    return TwiceRule(reference, judged, basis, asked is not None, holds)
+    return TwiceRule(axis, picking, reference, judged, basis, asked is not None, holds)
 
 
 def class_asked(evidence: Evidence, name: str) -> float | None:
@@ -129,20 +141,30 @@ def class_asked(evidence: Evidence, name: str) -> float | None:
 
 
 def accuracy_statement(evidence: Evidence, name: str) -> list[Passage]:
-    """State one reconstruction's accuracy in the standard's words, as far as its picks allow."""
+    """State one reconstruction's accuracy in the standard's words, as far as its picks allow.
+
+    The words name a class: where the project asks for none, nobody has claimed one, and the
+    standard is not quoted.
+    """
     found = Numbers(evidence.results).below("reconstructions", name)
     if found["alignment"] is None:
         return []
     rule, count = twice_rule(evidence, name), found["checks"]["n"]
-    asked, total = class_asked(evidence, name), found["checks"]["total_m"]
+    asked = class_asked(evidence, name)
+    if asked is None:
+        return [Passage((f"{name}: {NO_CLASS}", *_why(count, rule)), "note")]
+    tested = count if rule.holds else 0
+    total = combined(found["checks"]["rmse_m"], rule.reference_m or 0.0) if tested else None
     sentence = asprs_sentence(
-        count if rule.holds else 0,
-        class_cm=None if asked is None else 100 * asked,
-        tested_cm=None if total is None else 100 * total,
+        tested, class_cm=100 * asked, tested_cm=None if total is None else 100 * total
     )
+    blank = f"{BLANK}: not tested. " if BLANK in sentence else ""
     return [
         Passage((f"{name}: “{sentence}”",)),
-        Passage(tuple(_why(count, rule)), "note"),
+        Passage(
+            (*_why(count, rule), f"{blank}Source of the wording: section 2."),
+            "note",
+        ),
     ]
 
 
@@ -160,7 +182,7 @@ def agreement(evidence: Evidence) -> Passage:
 
 
 def _why(count: int, rule: TwiceRule) -> Iterator[Cell]:
-    """Explain which of the standard's sentences was taken."""
+    """Explain what the picks can stand for, and what went into that."""
     if count == 0:
         yield (
             "There are no check picks: the picks that were fitted are not independent, nor is "
@@ -172,22 +194,32 @@ def _why(count: int, rule: TwiceRule) -> Iterator[Cell]:
             "can't stand for check points, which have to be twice as accurate as what they test. "
         )
     elif not rule.holds:
-        yield "There are check picks, but the reference is good to "
+        yield "There are check picks, but a point read from the reference is good to "
         yield derived(rule.reference_m, 3)
-        yield " m in space, which is not twice as accurate as "
+        yield " m in space ("
+        yield from _went_in(rule)
+        yield "), which is not twice as accurate as "
         yield derived(rule.judged_m, 3)
         yield f" m, {rule.basis}: they can't stand for check points. "
     else:
-        yield (
-            "The check picks entered nothing; they were read from the reference, whose stated "
-            "accuracy is part of the number. "
-        )
-    if count and rule.holds is not None and not rule.asked:
-        yield (
-            "No limit on checks.total_m asks for a class, so twice as accurate is judged by the "
-            "error found. "
-        )
-    yield f"{BLANK}: not stated by the project, or not tested. Source of the wording: section 2."
+        yield "The check picks entered nothing; what they are good to themselves, "
+        yield derived(rule.reference_m, 3)
+        yield " m in space ("
+        yield from _went_in(rule)
+        yield "), is part of any accuracy stated from them. "
+
+
+def _went_in(rule: TwiceRule) -> Iterator[Cell]:
+    """Say what a point read from the reference has its error from."""
+    yield "per axis "
+    yield Value(number_text(rule.accuracy_m))
+    yield " m of the reference"
+    if rule.picking_m is None:
+        yield "; the picks state no sigma of their own"
+    else:
+        yield " and "
+        yield derived(rule.picking_m, 3)
+        yield " m of picking"
 
 
 def wording_source() -> Passage:

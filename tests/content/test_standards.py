@@ -1,3 +1,4 @@
+import pandas as pd
 import pytest
 
 from trigpoint_reporting.content.scope import purpose
@@ -38,18 +39,18 @@ def test_thirty_check_points_were_tested_to_meet():
 
 
 def test_twenty_nine_were_only_twenty_nine():
-    sentence = asprs_sentence(29, class_cm=None, tested_cm=15.0)
+    sentence = asprs_sentence(29, class_cm=20.0, tested_cm=15.0)
     assert "tested to meet" not in sentence
     assert sentence.startswith("This data set was tested as required by ASPRS Positional")
     assert "minimum of thirty (30) checkpoints" in sentence
-    assert "using ONLY 29 checkpoints. This data set was produced to meet a ___(cm)" in sentence
+    assert "using ONLY 29 checkpoints. This data set was produced to meet a 20.0(cm)" in sentence
     assert sentence.endswith("using the reduced number of checkpoints.")
 
 
 def test_without_check_points_only_produced_to_meet_may_be_said():
-    sentence = asprs_sentence(0, class_cm=None, tested_cm=None)
+    sentence = asprs_sentence(0, class_cm=20.0, tested_cm=None)
     assert sentence.startswith("This data set was produced to meet")
-    assert sentence.endswith("___(cm) RMSE_H Horizontal Positional Accuracy Class.")
+    assert sentence.endswith("for a 20.0(cm) RMSE_H Horizontal Positional Accuracy Class.")
     assert "tested" not in sentence
 
 
@@ -80,21 +81,55 @@ def test_the_reference_is_held_to_twice_the_class_in_space(with_limits):
         assert twice_rule(evidence, "nerf").holds is holds
 
 
-def test_without_a_class_the_statement_says_what_it_was_judged_by(with_limits):
-    evidence = with_limits(verdict="NOT TESTED", checks=4, accuracy=0.03)
-    assert "ONLY 4 checkpoints" in told(evidence)
-    assert "judged by the error found" in told(evidence)
+@pytest.mark.parametrize(("checks", "accuracy"), [(0, None), (4, None), (4, 0.03), (30, 0.03)])
+def test_where_nobody_asks_for_a_class_the_standard_is_not_quoted(with_limits, checks, accuracy):
+    other = ("loocv.rmse_m", 0.25, 0.205)
+    words = told(with_limits(other, verdict="PASS", checks=checks, accuracy=accuracy))
+    assert "no limit on checks.total_m or checks.rmse_m asks for an accuracy class" in words
+    assert "This data set" not in words
+    assert not set("“”_") & set(words.replace("total_m", "").replace("rmse_m", ""))
 
 
-def test_leave_one_out_is_never_called_a_test(make_evidence):
-    words = told(make_evidence("paper"))
+def test_a_limit_on_either_error_of_the_check_picks_asks_for_a_class(with_limits):
+    for quantity in ("checks.total_m", "checks.rmse_m"):
+        evidence = with_limits((quantity, 0.25, 0.16), verdict="PASS", checks=4, accuracy=0.03)
+        assert "ONLY 4 checkpoints" in told(evidence)
+        assert "no limit" not in told(evidence)
+
+
+def test_what_the_check_picks_were_read_with_is_part_of_what_they_are_good_to(with_limits):
+    asked = ("checks.rmse_m", 0.25, 0.15)
+    evidence = with_limits(asked, verdict="PASS", checks=4, accuracy=0.05)
+    alone = twice_rule(evidence, "nerf")
+    assert (alone.picking_m, alone.holds) == (None, True)
+    assert "RMSE_3D = 17.3(cm)" in told(evidence)
+    assert "the picks state no sigma of their own" in told(evidence)
+    table = pd.DataFrame({"id": ["p0", "c0"], "role": ["control", "check"]})
+    for sigma, holds in ((0.02, True), (0.07, False)):
+        table.assign(sigma_source=0.02, sigma_target=[0.5, sigma]).to_csv(
+            evidence.folder / "data" / "correspondences-nerf.csv", index=False
+        )
+        rule = twice_rule(evidence, "nerf")
+        assert rule.reference_m == pytest.approx((3 * (0.05**2 + sigma**2)) ** 0.5)
+        assert rule.holds is holds
+        assert f"per axis 0.05 m of the reference and {sigma:.3f} m of picking" in told(evidence)
+        assert ("RMSE_3D = 17.7(cm)" in told(evidence)) is holds
+    assert "0.149 m in space" in told(evidence)
+    assert "produced to meet" in told(evidence)
+    shown = " ".join(map(to_text, purpose(evidence)))
+    assert "1.7" in shown
+    assert "does not hold" in shown
+
+
+def test_leave_one_out_is_never_called_a_test(with_limits):
+    words = told(with_limits(("checks.rmse_m", 0.25, None), verdict="FAIL"))
     assert "produced to meet" in words
     assert "tested to meet" not in words
     assert "nor is leave-one-out" in words
 
 
-def test_where_the_wording_comes_from_is_printed_and_whether_someone_checked(make_evidence):
-    evidence = make_evidence("paper")
+def test_where_the_wording_comes_from_is_printed_and_whether_someone_checked(with_limits):
+    evidence = with_limits(("checks.rmse_m", 0.25, None), verdict="FAIL")
     assert "Source of the wording: section 2." in told(evidence)
     words = " ".join(map(to_text, purpose(evidence)))
     assert WORDING_SOURCE in words

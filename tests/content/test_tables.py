@@ -228,11 +228,28 @@ def test_coordinates_are_printed_where_the_bundle_holds_them(make_evidence):
     assert len(picks(evidence, "nerf")) == 1
     columns = [f"{frame}_{axis}" for frame in ("source", "target") for axis in "xyz"]
     frame = pd.DataFrame([[1.5, 2, 3, 741000.25, 4279050, 150]], columns=columns)
-    frame = frame.assign(id="p0", role="control", sigma_target=np.nan)
+    frame = frame.assign(id="p0", role="control", sigma_source=0.0215, sigma_target=np.nan)
     frame.to_csv(evidence.folder / "data" / "correspondences-nerf.csv", index=False)
     row = texts(table(picks(evidence, "nerf"), "coordinates").rows[0])
     assert row[:3] == ["p0", "control", "1.5000"]
-    assert row[-1] == "not stated"
+    assert row[-2:] == ["0.0215", "not stated"]
+
+
+def test_what_is_carried_through_is_said_with_the_sigmas_of_both_frames(make_evidence):
+    evidence = make_evidence("paper")
+    found = evidence.results["reconstructions"]["nerf"]["reliability"]
+    rows = [" | ".join(texts(row)) for row in table(method(evidence), "Effects").rows]
+    assert "residuals of the fit" in rows[0]
+    assert rows[0].endswith("carried through: covariance, intervals")
+    found |= {"noise": "stated", "sigma_m": 0.0991}
+    frame = pd.DataFrame({"id": ["p0", "c0"], "role": ["control", "check"]})
+    frame = frame.assign(sigma_source=[0.0215, 9.0], sigma_target=[0.07, 9.0])
+    frame.to_csv(evidence.folder / "data" / "correspondences-nerf.csv", index=False)
+    rows = [" | ".join(texts(row)) for row in table(method(evidence), "Effects").rows]
+    assert "0.099 | m | sigmas of the picks: 0.07 m in the reference, 0.0215 units" in rows[0]
+    assert rows[0].endswith("carried through: covariance, intervals")
+    assert "as the fit shows it" in rows[1]
+    assert rows[1].endswith("no: compared with the sigmas")
 
 
 def test_the_transformation_is_told_in_every_usual_form(make_evidence):
@@ -256,6 +273,13 @@ def test_validation_gives_the_interval_of_so_few_picks(make_evidence):
     assert "1.50 times as much" in words
     assert "There are no check picks." in words
     assert "0.265 %" in words
+
+
+def test_only_few_picks_are_said_to_be_few(make_evidence):
+    assert "So few picks" in told(validation(make_evidence("paper"), "nerf"))
+    words = told(validation(make_evidence("many"), "nerf"))
+    assert "So few picks" not in words
+    assert "Allowing for 893 degrees of freedom the error at the control picks is 0.138 m" in words
 
 
 def test_three_picks_have_nothing_to_leave_out_and_say_so(make_evidence):

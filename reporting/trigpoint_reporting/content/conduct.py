@@ -132,7 +132,7 @@ def _effects(evidence: Evidence) -> Iterator[Row]:
     numbers = Numbers(evidence.results)
     for name, found in numbers.items("reconstructions"):
         if found["alignment"] is not None:
-            yield from _of_alignment(name, found)
+            yield from _of_alignment(evidence, name, found)
     for name, found in numbers.items("reconstructions"):
         if found["icp"] is not None:
             yield (
@@ -156,14 +156,25 @@ def _effects(evidence: Evidence) -> Iterator[Row]:
     )
 
 
-def _of_alignment(name: str, found: Numbers) -> Iterator[Row]:
+def _of_alignment(evidence: Evidence, name: str, found: Numbers) -> Iterator[Row]:
+    carried = "carried through: covariance, intervals"
+    stated = found["reliability"]["noise"] == "stated"
+    if stated:
+        yield (
+            f"{name}: picking noise, both frames, per axis",
+            found.value("reliability", "sigma_m"),
+            "m",
+            f"sigmas of the picks: {_stated(evidence, name)}",
+            "fit, leave-one-out, position",
+            carried,
+        )
     yield (
-        f"{name}: picking noise, per axis",
+        f"{name}: picking noise {'as the fit shows it' if stated else 'and misfit'}, per axis",
         found.value("reliability", "sigma0_m"),
         "m",
         "residuals of the fit",
         "fit, leave-one-out, position",
-        "carried through: covariance, intervals",
+        "no: compared with the sigmas" if stated else carried,
     )
     zones = [(part["sigma_m"], part) for _, part in found.items("reliability", "zones")]
     known = [(sigma, part) for sigma, part in zones if sigma is not None]
@@ -177,6 +188,23 @@ def _of_alignment(name: str, found: Numbers) -> Iterator[Row]:
             "accuracy, completeness",
             "in the intervals",
         )
+
+
+def _stated(evidence: Evidence, name: str) -> str:
+    """Tell the control picks' sigmas in both frames, root mean squares where they differ."""
+    found = {
+        "in the reference": (evidence.picking_sigma(name, "target", "control"), "m"),
+        "in the source, times the scale": (
+            evidence.picking_sigma(name, "source", "control"),
+            "units",
+        ),
+    }
+    told = [
+        f"{number_text(round(sigma, 6))} {unit} {where}"
+        for where, (sigma, unit) in found.items()
+        if sigma is not None
+    ]
+    return ", ".join(told) or "stated or repeated"
 
 
 def _of_reference(evidence: Evidence, numbers: Numbers) -> Iterator[Row]:

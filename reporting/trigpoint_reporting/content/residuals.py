@@ -17,6 +17,7 @@ from trigpoint_reporting.numbers import Numbers, derived, number_text
 AXES = ("dx_m", "dy_m", "dz_m")
 COLUMNS = ("dE (m)", "dN (m)", "dh (m)", "Horizontal (m)", "3D (m)")
 NONE = "\N{EN DASH}"
+SIGMAS = ("σ, source", "σ, reference (m)")
 # Rows that a table prints; thousands of matched points are told by their worst.
 MOST = 400
 
@@ -123,23 +124,26 @@ def _coordinates(evidence: Evidence, name: str) -> list[Block]:
     return [
         Table(
             f"{name}: coordinates as picked",
-            ("Pick", "Role", "x", "y", "z", "Easting (m)", "Northing (m)", "Height (m)", "σ (m)"),
+            ("Pick", "Role", "x", "y", "z", "Easting (m)", "Northing (m)", "Height (m)", *SIGMAS),
             [
                 (
                     row["id"],
                     row["role"],
                     *(derived(float(row[f"source_{axis}"]), 4) for axis in "xyz"),
                     *(derived(float(row[f"target_{axis}"]), 3) for axis in "xyz"),
-                    "not stated"
-                    if pd.isna(row["sigma_target"])
-                    else derived(float(row["sigma_target"]), 3),
+                    _sigma(row["sigma_source"], 4),
+                    _sigma(row["sigma_target"], 3),
                 )
                 for row in kept.to_dict(orient="records")
             ],
             (
-                "x, y, z: in the reconstruction's own frame and units. σ: stated for the pick in "
-                f"the reference, per axis.{left} To the last digit: "
+                "x, y, z: in the reconstruction's own frame and units. σ: of the pick, per axis; "
+                f"source: in its own units.{left} To the last digit: "
                 f"data/correspondences-{name}.csv.",
             ),
         )
     ]
+
+
+def _sigma(value: float, digits: int) -> Cell:
+    return "not stated" if pd.isna(value) else derived(float(value), digits)

@@ -69,7 +69,8 @@ def _reference_rule(evidence: Evidence) -> Table:
         rows.append(
             (
                 name,
-                reference.value("accuracy_m") if rule.reference_m else "not stated",
+                "not stated" if rule.accuracy_m is None else reference.value("accuracy_m"),
+                "not stated" if rule.picking_m is None else derived(rule.picking_m, 3),
                 derived(rule.reference_m, 3),
                 derived(rule.judged_m, 3),
                 rule.basis or "nothing: no picks",
@@ -83,7 +84,8 @@ def _reference_rule(evidence: Evidence) -> Table:
         (
             "Reconstruction",
             "Reference, per axis (m)",
-            "The same in space (m)",
+            "Picking, per axis (m)",
+            "Together in space (m)",
             "Compared with (m)",
             "Which is",
             "Ratio",
@@ -91,7 +93,8 @@ def _reference_rule(evidence: Evidence) -> Table:
         ),
         rows,
         (
-            f"Source of the reference's accuracy: {source}. In space: √3 times that of one axis. "
+            f"Source of the reference's accuracy: {source}. Picking: the sigma that the check "
+            "picks state in the reference. In space: √3 times both together along one axis. "
             "Where the ratio is below 2, errors of the reference are a large part of what is "
             "found, and agreement with it is all that can be stated.",
         ),

@@ -12,6 +12,8 @@ from trigpoint_reporting.content.residuals import COLUMNS, NONE, errors, no_pick
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived
 
+# A 95 % interval whose ends lie further apart than this, as a ratio, knows its error poorly.
+POORLY = 1.5
 CHANGED = {True: "yes", False: "no", None: "not redone"}
 
 
@@ -134,9 +136,10 @@ def _interval(found: Numbers) -> Iterator[Cell]:
         yield "Too few picks to say how well the error itself is known."
         return
     low, high = wording.rmse_interval(alignment["rmse_dof_m"], alignment["dof"])
-    yield "So few picks know their error poorly: allowing for "
+    poorly = high > POORLY * low
+    yield "So few picks know their error poorly: allowing for " if poorly else "Allowing for "
     yield found.value("alignment", "dof")
-    yield " degrees of freedom it is "
+    yield f" degrees of freedom {'it' if poorly else 'the error at the control picks'} is "
     yield found.value("alignment", "rmse_dof_m")
     yield " m in space, with a 95 % interval from "
     yield derived(low, 3)
