@@ -45,7 +45,7 @@ COLUMNS = (
     Column(
         "id", "Pair\n", "Its name. Double-click: both views fly there.", "course2-nw", edited=True
     ),
-    Column("flag", "Verdict\n", "What is wrong with the pair, in a word.", "look again"),
+    Column("flag", "Verdict\n", "What is wrong with the pair, in a word.", "not testable"),
     Column("source_x", "Source X\nunits", SOURCE, "-00.000", 3, True),
     Column("source_y", "Y\nunits", SOURCE, "-00.000", 3, True),
     Column("source_z", "Z\nunits", SOURCE, "-00.000", 3, True),
@@ -56,7 +56,13 @@ COLUMNS = (
     Column("dy_m", "dN\nm", "Residual: target minus transformed source.", "-00.000", 3),
     Column("dz_m", "dH\nm", "Residual: target minus transformed source.", "-00.000", 3),
     Column("d_m", "3D\nm", "Length of the residual; the bar compares the pairs.", "00.000XX", 3),
-    Column("loo_m", "LOO\nm", "Length of the residual of a fit to the other pairs.", "00.000", 3),
+    Column(
+        "loo_m",
+        "LOO\nm",
+        "Leave-one-out: the residual's length in a fit to the other pairs.",
+        "00.000",
+        3,
+    ),
     Column(
         "redundancy",
         "Redun-\ndancy",

@@ -82,13 +82,13 @@ class Model:
     @property
     def fit(self) -> Fit:
         """What the engine says of the current pairs; worked out once for each set of pairs."""
-        return fit_pairs(self._state.pairs, self._state.alignment, self._survey)
+        state = self._state
+        return fit_pairs(state.pairs, state.alignment, self._survey, state.adopted)
 
     @property
     def similarity(self) -> Similarity | None:
         """What links and overlays the views: the adopted refinement, else the fit."""
-        adopted = self._state.adopted
-        return self.fit.similarity if adopted is None else adopted.similarity
+        return self.fit.similarity
 
     def ghost(self, pair: Pair | None = None) -> Ghost | None:
         """Predict the open half of a pair, by default of the selected or else the last such pair.

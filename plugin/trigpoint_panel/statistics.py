@@ -19,13 +19,11 @@ from trigpoint.placement import next_picks
 from trigpoint.project import AlignmentSettings
 from trigpoint.reliability import Reliability
 from trigpoint.similarity import Points, Similarity, principal_spreads
-from trigpoint_panel.pairs import Pair, Pairs, complete, to_picks, with_role
+from trigpoint_panel.names import isolated
+from trigpoint_panel.pairs import Pairs, complete, to_picks, with_role
+from trigpoint_panel.state import Adopted
+from trigpoint_panel.verdicts import Flag, verdicts
 
-Flag = Literal["", "rejected", "suspect", "look again", "unchecked", "far"]
-Level = Literal["", "amber", "red"]
-
-# Below 5 % a residual deserves a look; naming a suspect asks for 5 % shared among all picks.
-LOOK_AGAIN = 0.05
 # A second spread this small beside the first is a line, as far as a person is concerned.
 LINE = 1e-3
 # Of the places listed to pick next: how many, and how far apart as a share of the reference's
@@ -52,6 +50,11 @@ COLUMNS = (
     "level",
     "why",
 )
+
+
+# The engine's cautions that name single picks.
+AGAINST_PICKS = frozenset({"blunder_suspected", "picks_rejected"})
+TESTED = ("redundancy", "standardised", "p_value", "detectable_blunder_m")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,15 +100,19 @@ class Fit:
         `loo_m`, that distance with the pair withheld; `redundancy`, `standardised`, `p_value`,
         `detectable_blunder_m`, `suspected` as `trigpoint.reliability` has them; `flag`, one word
         for what is wrong, with its `level` (amber or red) and `why` in a sentence. NaN where
-        there is no number.
+        there is no number. After ICP the residuals are those of the adopted similarity, and what
+        is known of the fit alone (leave-one-out, redundancy, tests) is NaN.
     controls, checks : int
         Complete control and check pairs.
     rmse_m, check_rmse_m, loocv_rmse_m : float
-        Of the inliers, of the check pairs, of leave-one-out; NaN where there is none.
+        Of the inliers, of the check pairs, of leave-one-out; NaN where there is none. Leave-one-out
+        is of the fit, without ICP.
     weakness : str
         What makes the layout weak, in one clause; empty where it is sound.
     next_picks : DataFrame
         x, y, z, gain_m: where to pick next, best first. Empty without a survey.
+    adopted : Similarity or None
+        ICP's refinement of the fit, where it is adopted for what is shown and saved.
     """
 
     alignment: Alignment | None
@@ -118,10 +125,13 @@ class Fit:
     loocv_rmse_m: float
     weakness: str
     next_picks: pd.DataFrame
+    adopted: Similarity | None = None
 
     @property
     def similarity(self) -> Similarity | None:
-        """Maps source to target, or None."""
+        """Maps source to target as it is shown and saved, or None."""
+        if self.adopted is not None:
+            return self.adopted
         return None if self.alignment is None else self.alignment.similarity
 
     @property
@@ -147,14 +157,29 @@ class Fit:
         return () if self.alignment is None else self.alignment.cautions
 
     @property
+    def doubt(self) -> str:
+        """What the engine says against single picks, in its words; empty: nothing."""
+        said = (each.message for each in self.cautions if each.code in AGAINST_PICKS)
+        return " ".join(said)
+
+    @property
     def suspects(self) -> tuple[str, ...]:
-        """Ids of the pairs that the outlier test names or the consensus rejected, worst first."""
-        named = self.table[self.table["level"] == "red"]
-        return tuple(named.sort_values("d_m", ascending=False, kind="stable")["id"])
+        """Ids of the pairs in red, worst first; check pairs, which the fit may wrong, last."""
+        red = self.table[self.table["level"] == "red"]
+        red = red.assign(check=red["role"] == "check", d_m=-red["d_m"])
+        return tuple(red.sort_values(["check", "d_m"], kind="stable")["id"])
+
+    def flagged(self, flag: Flag) -> tuple[str, ...]:
+        """Ids of the pairs in red that have this flag, worst first."""
+        named = set(self.table["id"][self.table["flag"] == flag])
+        return tuple(name for name in self.suspects if name in named)
 
 
 def fit_pairs(
-    pairs: Pairs, settings: AlignmentSettings | None = None, survey: Survey | None = None
+    pairs: Pairs,
+    settings: AlignmentSettings | None = None,
+    survey: Survey | None = None,
+    adopted: Adopted | None = None,
 ) -> Fit:
     """Fit the complete pairs as the audit would, and say what that is worth.
 
@@ -167,18 +192,25 @@ def fit_pairs(
         The project's; the engine's defaults if omitted.
     survey : Survey, optional
         Of the reference, once it is open.
+    adopted : Adopted, optional
+        ICP's refinement of the fit of exactly these pairs.
     """
-    return _fit(pairs, settings or AlignmentSettings(), survey)
+    return _fit(pairs, settings or AlignmentSettings(), survey, adopted)
 
 
 @lru_cache(maxsize=32)
-def _fit(pairs: Pairs, settings: AlignmentSettings, survey: Survey | None) -> Fit:
+def _fit(
+    pairs: Pairs, settings: AlignmentSettings, survey: Survey | None, adopted: Adopted | None
+) -> Fit:
     found, refusal, places = _aligned(complete(pairs), settings, survey)
     controls, checks = with_role(pairs, "control"), with_role(pairs, "check")
-    table = _table(pairs, found, settings.threshold_m)
+    refined = None if adopted is None else adopted.similarity
+    table = _table(pairs, found, refined, settings.threshold_m)
     if found is None:
         nan = float("nan")
-        return Fit(None, refusal, table, len(controls), len(checks), nan, nan, nan, "", _nowhere())
+        return Fit(
+            None, refusal, table, len(controls), len(checks), nan, nan, nan, "", _nowhere(), refined
+        )
     loocv = found.loocv.rmse_m
     return Fit(
         found,
@@ -191,6 +223,7 @@ def _fit(pairs: Pairs, settings: AlignmentSettings, survey: Survey | None) -> Fi
         float("nan") if loocv is None else loocv,
         _weakness(found, survey),
         places,
+        refined,
     )
 
 
@@ -225,7 +258,10 @@ def _refusal(controls: Pairs, reason: str) -> str:
         for pair in controls:
             first = seen.setdefault(pair.source if side == "source" else pair.target, pair.id)
             if first != pair.id:
-                return f"{first} and {pair.id} are the same point in the {side}: pick one again."
+                return (
+                    f"{isolated(first)} and {isolated(pair.id)} are the same point in the {side}: "
+                    "pick one again."
+                )
     for points in ([pair.source for pair in controls], [pair.target for pair in controls]):
         spreads = principal_spreads(np.array(points, np.float64))
         if spreads[1] <= LINE * spreads[0]:
@@ -285,71 +321,38 @@ def _weakness(found: Alignment, survey: Survey | None) -> str:
     return _reason(worth.statement)
 
 
-def _table(pairs: Pairs, found: Alignment | None, threshold: float) -> pd.DataFrame:
+def _table(
+    pairs: Pairs, found: Alignment | None, refined: Similarity | None, threshold: float
+) -> pd.DataFrame:
     table = pd.DataFrame({name: [np.nan] * len(pairs) for name in COLUMNS}, index=range(len(pairs)))
     table["id"] = [pair.id for pair in pairs]
     table["role"] = [pair.role for pair in pairs]
     for name in ("used", "suspected"):
         table[name] = np.zeros(len(pairs), np.bool_)
-    if found is not None and len(pairs):
-        rows = {pair.id: row for row, pair in enumerate(pairs)}
-        whole = complete(pairs)
-        residuals = found.residuals(to_picks(whole))
-        at = [rows[name] for name in residuals["id"]]
-        for name in ("dx_m", "dy_m", "dz_m", "d_m"):
-            table.loc[at, name] = residuals[name].to_numpy()
-        used = [rows[name] for name in found.inliers.ids]
-        table.loc[used, "used"] = True
-        control = found.picks.control.ids
-        folds = found.loocv.folds
-        table.loc[[rows[control[i]] for i in folds["position"]], "loo_m"] = folds["d_m"].to_numpy()
-        tested = found.reliability.picks
-        for name in ("redundancy", "standardised", "p_value", "detectable_blunder_m", "suspected"):
-            table.loc[used, name] = tested[name].to_numpy()
-    flags = [
-        _flagged(pair, used, d, p, suspected, blunder, threshold)
-        if found is not None and pair.is_complete
-        else ("", "", "")
-        for pair, used, d, p, suspected, blunder in zip(
-            pairs,
-            table["used"].tolist(),
-            table["d_m"].tolist(),
-            table["p_value"].tolist(),
-            table["suspected"].tolist(),
-            table["detectable_blunder_m"].tolist(),
-            strict=True,
-        )
-    ]
+    for name in ("flag", "level", "why"):
+        table[name] = [""] * len(pairs)
+    if found is None or not len(pairs):
+        return table
+    rows = {pair.id: row for row, pair in enumerate(pairs)}
+    whole = to_picks(complete(pairs))
+    errors = whole.target - (refined or found.similarity)(whole.source)
+    at = [rows[name] for name in whole.ids]
+    table.loc[at, ["dx_m", "dy_m", "dz_m"]] = errors
+    table.loc[at, "d_m"] = np.sqrt((errors**2).sum(axis=1))
+    used = [rows[name] for name in found.inliers.ids]
+    table.loc[used, "used"] = True
+    control = found.picks.control.ids
+    folds = found.loocv.folds
+    table.loc[[rows[control[i]] for i in folds["position"]], "loo_m"] = folds["d_m"].to_numpy()
+    tested = found.reliability.picks
+    for name in (*TESTED, "suspected"):
+        table.loc[used, name] = tested[name].to_numpy()
+    said = verdicts(table, pairs, threshold, after_icp=refined is not None)
     for i, name in enumerate(("flag", "level", "why")):
-        table[name] = [flag[i] for flag in flags]
+        table[name] = [verdict[i] for verdict in said]
+    if refined is not None:
+        table[["loo_m", *TESTED]] = np.nan
     return table
-
-
-def _flagged(
-    pair: Pair,
-    used: bool,
-    d: float,
-    p: float,
-    suspected: bool,
-    blunder: float,
-    threshold: float,
-) -> tuple[Flag, Level, str]:
-    """Return a pair's flag, its level and its reason."""
-    if pair.role == "off":
-        return "", "", ""
-    if pair.role == "check":
-        if d > threshold:
-            return "far", "red", f"This check pair lies {d:.2f} m off, beyond {threshold:g} m."
-        return "", "", ""
-    if not used:
-        return "rejected", "red", f"It lies {d:.2f} m off, and the others agree without it."
-    if suspected:
-        return "suspect", "red", f"Its residual does not fit the others (p {p:.2g})."
-    if p < LOOK_AGAIN:
-        return "look again", "amber", f"So large a residual is rare (p {p:.2g})."
-    if np.isinf(blunder):
-        return "unchecked", "amber", "No other pair would show an error in it: pick more around it."
-    return "", "", ""
 
 
 def _rms(distances: pd.Series[float]) -> float:

@@ -8,7 +8,10 @@ from typer.testing import CliRunner
 
 from trigpoint.picks import write_picks
 from trigpoint.project import AlignmentSettings
+from trigpoint.similarity import Similarity
+from trigpoint.synthetic import clock_tower
 from trigpoint_panel.pairs import Pair, from_picks, to_picks
+from trigpoint_panel.state import adopted_of
 from trigpoint_panel.statistics import COLUMNS, Survey, first_sentence, fit_pairs
 from trigpoint_reporting.cli import app
 
@@ -101,6 +104,83 @@ def test_a_suspect_below_the_threshold_is_named_by_the_outlier_test(picked):
     fit = fit_pairs(moved(pairs, "P7", [0.3, 0, 0.3]))
     assert fit.table.set_index("id").loc["P7", "flag"] == "suspect"
     assert fit.suspects == ("P7",)
+
+
+def test_one_spoiled_pick_makes_one_suspect_and_the_others_only_deserve_a_look():
+    scene = clock_tower(density=0.01)
+    pairs = from_picks(scene.picks)
+    named = spoiled_is_worst = 0
+    for name in [pair.id for pair in pairs if pair.role == "control"]:
+        for by in 0.7 * np.eye(3):
+            fit = fit_pairs(moved(pairs, name, by))
+            tested, table = fit.reliability.picks, fit.table.set_index("id")
+            flags = table["flag"]
+            accused = fit.flagged("suspect") or fit.flagged("rejected")
+            worst = fit.alignment.inliers.ids[int(tested["p_value"].argmin())]
+            if tested["suspected"].any():
+                assert fit.flagged("suspect") == (worst,)
+            others = flags[(flags != "") & (flags.index != accused[0])].index
+            assert (table.loc[others, "level"] == "amber").all()
+            assert all(f"because of {accused[0]}" in why for why in table.loc[others, "why"])
+            assert table.loc[accused[0], "role"] == "control"
+            assert fit.suspects == accused
+            assert fit.doubt
+            spoiled_is_worst += name in (worst if tested["suspected"].any() else accused)
+            named += accused == (name,)
+    assert named == spoiled_is_worst == 18
+
+
+def test_check_pairs_are_named_after_control_pairs(picked):
+    pairs, _ = picked(10)
+    pairs = moved(moved(pairs, "P3", [0, 0, 2.0]), "P8", [0, 0, 4.0])
+    fit = fit_pairs((*pairs[:7], replace(pairs[7], role="check"), *pairs[8:]))
+    assert fit.suspects == ("P3", "P8")
+
+
+def test_after_icp_the_numbers_are_those_of_what_is_shown_and_saved(picked):
+    pairs, _ = picked(8)
+    pairs = (*pairs[:6], replace(pairs[6], role="check"), pairs[7], Pair("P9", source=(1.0,) * 3))
+    fit = fit_pairs(pairs)
+    shifted = Similarity(
+        fit.similarity.scale, fit.similarity.rotation, fit.similarity.translation + 0.6
+    )
+    after = fit_pairs(pairs, adopted=adopted_of(shifted))
+    whole = [pair for pair in pairs if pair.is_complete]
+    errors = np.array([pair.target for pair in whole]) - shifted(
+        np.array([pair.source for pair in whole])
+    )
+    lengths = np.linalg.norm(errors, axis=1)
+    control = np.arange(len(whole)) != 6
+    assert np.array_equal(after.table[["dx_m", "dy_m", "dz_m"]].to_numpy()[:-1], errors)
+    assert np.isnan(after.table["d_m"].iloc[-1])
+    assert after.rmse_m == pytest.approx(np.sqrt((lengths[control] ** 2).mean()), rel=1e-12)
+    assert after.check_rmse_m == pytest.approx(lengths[6], rel=1e-12)
+    assert after.table["flag"].iloc[6] == "far"
+    assert np.array_equal(after.similarity.matrix, shifted.matrix)
+    # What is known of the fit alone is not shown beside them; the summary says which it is of.
+    assert after.alignment is fit.alignment
+    assert after.loocv_rmse_m == fit.loocv_rmse_m
+    assert (
+        after.table[["loo_m", "p_value", "redundancy", "detectable_blunder_m"]]
+        .isna()
+        .to_numpy()
+        .all()
+    )
+
+
+def test_what_was_doubted_before_icp_is_doubted_after_it(picked):
+    pairs, _ = picked(12)
+    pairs = moved(pairs, "P7", [0.3, 0, 0.3])
+    fit = fit_pairs(pairs)
+    after = fit_pairs(pairs, adopted=adopted_of(fit.similarity))
+    assert after.suspects == fit.suspects == ("P7",)
+    assert re.search(r"\(p [\de.-]+, before ICP\)", after.table["why"][6])
+
+
+def test_a_name_from_right_to_left_is_set_apart_in_what_is_said(picked):
+    pairs, _ = picked(3)
+    pairs = (replace(pairs[0], id="דגל"), pairs[1], pairs[2].placed("source", pairs[0].source))
+    assert fit_pairs(pairs).refusal.startswith("\u200e\u2068דגל\u2069 and P3 are the same")
 
 
 def test_sound_pairs_have_no_flag_most_of_the_time(picked):
