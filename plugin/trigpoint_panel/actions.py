@@ -157,7 +157,8 @@ def enable(
     actions["export_picks"].setEnabled(bool(model.pairs))
     for name in ("link", "overlay"):
         action = actions[name]
-        if action.isChecked() and model.similarity is None:
+        # While a second operator picks there is no fit either, and afterwards there is again.
+        if action.isChecked() and model.similarity is None and not second:
             action.setChecked(False)  # there is nothing to tie or to carry it by
     actions["swap"].setEnabled(actions["overlay"].isChecked())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import numpy as np
@@ -11,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from trigpoint.consensus import Method
 from trigpoint.similarity import Similarity
-from trigpoint.trial import Trial
+from trigpoint.trial import MOST_FOLDS, Trial
 from trigpoint_panel.forms import Tab, quietly, say
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Place
+from trigpoint_panel.statistics import Fit
 
 METHODS: dict[Method, str] = {
     "ransac": "RANSAC, drawn sets of 3",
@@ -60,7 +62,8 @@ class AlignTab(Tab):
         self.heading("ICP, as an experiment")
         self.rule = self.sentence(
             "Rigid ICP runs on a copy. Held-out picks say whether it helped; the pairs that were "
-            "fitted cannot.",
+            "fitted cannot. Adopted, it is in the views and in the saved cloud; the report "
+            "delivers the fit without it.",
             faint=True,
         )
         (self.try_icp,) = self.buttons(("Try ICP", self.icp_wanted.emit))
@@ -126,7 +129,12 @@ class AlignTab(Tab):
         shown = model.similarity
         say(self.summary, fit.refusal if shown is None else _told(shown, model))
         geometry = {"sound": "success", "weak": "warning", "refused": "error", "": ""}[fit.geometry]
-        say(self.geometry_verdict, fit.statement if shown is not None else "", geometry)
+        statement = " ".join((fit.statement, fit.doubt)).strip()
+        if fit.adopted is not None:
+            statement = f"Of the fit, before ICP: {statement}"
+        if fit.doubt and geometry == "success":
+            geometry = "warning"  # the layout is sound, a pick is not
+        say(self.geometry_verdict, statement if shown is not None else "", geometry)
         self.copy.setEnabled(shown is not None)
         self.save.setEnabled(shown is not None and model.state.source_path is not None)
         rows = fit.next_picks.itertuples(index=False)
@@ -138,7 +146,7 @@ class AlignTab(Tab):
             lines.append(f"{k}.  E {x:.1f}  N {y:.1f}  H {z:.1f}   −{100 * gain:.1f} cm")  # noqa: RUF001
         if lines:
             lines.append("The last number: by how much the largest sigma would shrink.")
-        say(self.next, "\n".join(lines) or "Known from three pairs on, once the reference is open.")
+        say(self.next, "\n".join(lines) or _why_nowhere(fit))
         self.show_next.setEnabled(bool(lines))
 
         if self._trial is not None and self._of is not fit.alignment:
@@ -159,17 +167,8 @@ class AlignTab(Tab):
             say(self.verdict, "ICP is adopted for what is shown and saved." if adopted else "")
             say(self.errors, "")
             return
-        word = "Better" if trial.retained else "Worse"
-        before, after, by = _held_out(trial)
-        if before is None or after is None:
-            word = "Not judged"
-        so = "adopted" if adopted else "not adopted"
-        change = "" if before is None or after is None else f": {_change(before, after)}"
-        say(
-            self.verdict,
-            f"{word}, {so}. {by}{change}.",
-            "success" if word == "Better" else "warning",
-        )
+        text, level = _judged(trial, self._model, "adopted" if adopted else "not adopted")
+        say(self.verdict, text, level)
         lines = [
             f"Moves the reference's centre by {trial.refinement.shift_m:.3f} m, turns by "
             f"{trial.refinement.rotation_deg:.3f}°.",
@@ -196,9 +195,9 @@ class AlignTab(Tab):
             QApplication.clipboard().setText(text + "\n")
 
     def _adopt(self) -> None:
-        if self._trial is not None and self._model.fit.similarity is not None:
-            refined = self._trial.refinement.similarity @ self._model.fit.similarity
-            self._model.adopt(refined)
+        alignment = self._model.fit.alignment
+        if self._trial is not None and alignment is not None:
+            self._model.adopt(self._trial.refinement.similarity @ alignment.similarity)
 
     def _discard(self) -> None:
         self._trial = None
@@ -217,14 +216,15 @@ def _told(shown: Similarity, model: Model) -> str:
     axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
     east, north, height = shown.translation.tolist()
     alignment = model.fit.alignment
-    lines = [
+    lines = ["The fit, followed by ICP:"] if model.fit.adopted is not None else []
+    lines += [
         f"scale  {shown.scale:.6f}",
         f"rotation  {np.degrees(angle):.4f}° about ({axis[0]:.3f}, {axis[1]:.3f}, {axis[2]:.3f})",
         f"translation  {east:.3f}, {north:.3f}, {height:.3f}",
     ]
     if alignment is not None and alignment.loocv.max_scale_change_pct is not None:
         change = alignment.loocv.max_scale_change_pct
-        lines.append(f"scale changes by up to {change:.2f} % when a pair is left out")
+        lines.append(f"the fit's scale changes by up to {change:.2f} % when a pair is left out")
     return "\n".join(lines)
 
 
@@ -234,7 +234,46 @@ def _change(before: float, after: float) -> str:
     return f"{before:.{digits}f} m → {after:.{digits}f} m"
 
 
-def _held_out(trial: Trial) -> tuple[float | None, float | None, str]:
-    if trial.check_rmse_before_m is not None:
-        return trial.check_rmse_before_m, trial.check_rmse_after_m, "Error at the check pairs"
-    return trial.loocv_rmse_before_m, trial.loocv_rmse_after_m, "Leave-one-out error"
+def _judged(trial: Trial, model: Model, so: str) -> tuple[str, str]:
+    """Say what ICP did to the held-out error, as far as so few picks can show it, and the level.
+
+    An RMSE of n picks in three axes is itself known to about 1 / sqrt(6 n) of its value.
+    """
+    fit = model.fit
+    before, after = trial.check_rmse_before_m, trial.check_rmse_after_m
+    count, of = fit.checks, f"Error at the {_counted(fit.checks, 'check pair')}"
+    if before is None:
+        before, after = trial.loocv_rmse_before_m, trial.loocv_rmse_after_m
+        count = min(int(fit.table["used"].sum()), MOST_FOLDS)
+        of = f"Leave-one-out error of {_counted(count, 'pair')}"
+    if before is None or not count:
+        why = "too few pairs are left when one is withheld"
+        return f"Not judged, {so}: {why}.", "warning"
+    if after is None:
+        why = "with a pair withheld the clouds no longer overlap enough"
+        return f"Not judged, {so}: {why}.", "warning"
+    known = before / math.sqrt(6 * count)
+    change = f"{of}: {_change(before, after)}, {_signed(after - before)}"
+    if abs(after - before) < known:
+        few = f"less than {_counted(count, 'pair')} can show (±{known:.3f} m)"
+        return f"Undecided, {so}. {change}: {few}.", ""
+    word, level = ("Better", "success") if after < before else ("Worse", "warning")
+    return f"{word}, {so}. {change}; it is known to ±{known:.3f} m.", level
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _signed(change: float) -> str:
+    """Write a change in metres with its sign, and with a digit that is not zero."""
+    digits = next((n for n in (3, 4, 5) if f"{abs(change):.{n}f}" != f"{0:.{n}f}"), 6)
+    return f"{'−' if change < 0 else '+'}{abs(change):.{digits}f} m"  # noqa: RUF001
+
+
+def _why_nowhere(fit: Fit) -> str:
+    if fit.geometry == "refused":
+        return f"Not known without a fit. {fit.refusal}"
+    if fit.alignment is None:
+        return "Known from three control pairs on, once the reference is open."
+    return "Known once the reference is open."

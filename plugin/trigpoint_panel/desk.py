@@ -101,6 +101,7 @@ class Desk(QObject):
     def save_aligned(self, path: Path | None = None) -> None:
         """Carry the whole source into the reference's frame, and write it."""
         state, similarity = self._model.state, self._model.similarity
+        how = "the fit" if state.adopted is None else "the fit with ICP adopted"
         source = state.source_path
         if source is None or similarity is None:
             return
@@ -116,7 +117,7 @@ class Desk(QObject):
             return carry(source, target, similarity, crs=crs)
 
         job = self._begin(f"Writing {target.name}", work)
-        job.done.connect(lambda found: self._carried(target, found))
+        job.done.connect(lambda found: self._carried(target, found, how))
 
     # Sessions ----------------------------------------------------------------------------------
 
@@ -285,9 +286,9 @@ class Desk(QObject):
         if self._changed(self._session.recover, autosave):
             self.load_clouds()
 
-    def _carried(self, target: Path, found: Any) -> None:
+    def _carried(self, target: Path, found: Any, how: str) -> None:
         points, cautions = found
-        self._host.message("success", f"{points:,} points written to {target}.")
+        self._host.message("success", f"{points:,} points, carried by {how}, written to {target}.")
         for caution in cautions:
             self._host.message("warning", caution.message)
         self._host.add_layer(target, "cloud")

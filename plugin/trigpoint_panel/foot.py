@@ -12,9 +12,6 @@ from trigpoint_panel.forms import say
 from trigpoint_panel.jobs import Job
 from trigpoint_panel.stateline import Running, StateLine
 
-# A level is a word before it is a colour.
-WORDS = {"info": "", "good": "Fit", "amber": "Weak", "red": "Look"}
-OUTDATED = "Outdated"
 LEVELS = {"info": "", "good": "success", "amber": "warning", "red": "error"}
 
 
@@ -65,13 +62,13 @@ class Foot(QWidget):
         self.stop.hide()
         row.addWidget(self.stop)
 
-    def show_line(self, line: StateLine, *, stale: bool = False) -> None:
-        """Show where things stand; `stale`: the pairs changed after the report was made."""
-        word = OUTDATED if stale and line.level == "amber" else WORDS[line.level]
+    def show_line(self, line: StateLine) -> None:
+        """Show where things stand."""
+        word = f"{line.word}:" if line.word else ""
         say(self.word, word, LEVELS[line.level])
         self.line.setText(line.text)
         self.line.setToolTip(line.text)
-        self.setAccessibleDescription(line.text)
+        self.setAccessibleDescription(f"{word} {line.text}".lstrip())
 
     def begin(self, job: Job) -> Job:
         """Run a job, after those that are there already."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trigpoint_panel.names import isolated
 from trigpoint_panel.pairs import Pair, Pairs, Place, Side, place_of
 from trigpoint_panel.statistics import Fit
 
@@ -69,7 +70,7 @@ def doubt(pairs: Pairs, side: Side, place: Place, ghost: Ghost | None, fit: Fit 
     """Say what is doubtful about a pick before it is made; empty: nothing."""
     same = next((each.id for each in pairs if each.at(side) == place), None)
     if same is not None:
-        return f"That is {same}'s point already. Keep?"
+        return f"That is {isolated(same)}'s point already. Keep?"
     if ghost is None or fit is None or ghost.side != side:
         return ""
     return distance_doubt(ghost, place, fit)

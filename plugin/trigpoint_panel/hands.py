@@ -7,6 +7,7 @@ from collections.abc import Callable
 from trigpoint.errors import TrigpointError
 from trigpoint_panel.host import Host
 from trigpoint_panel.model import Model
+from trigpoint_panel.names import isolated
 from trigpoint_panel.operators import end_second_operator
 from trigpoint_panel.pairs import Side
 from trigpoint_panel.picking import Picked
@@ -40,7 +41,7 @@ class Hands:
             self._host.message("error", str(error))
             return
         if placed.warning:
-            text = f"{placed.id} in the {side}: {placed.warning}"
+            text = f"{isolated(placed.id)} in the {side}: {placed.warning}"
             keep: tuple[str, Callable[[], object]] = ("Keep", lambda: None)
             self._host.message("warning", text, "", (keep, ("Undo", self._model.undo)))
 

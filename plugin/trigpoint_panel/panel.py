@@ -282,7 +282,7 @@ class Panel(QWidget):
     def _show_state(self) -> None:
         """Show the state line, and enable what goes with it."""
         line = self.line
-        self.foot.show_line(line, stale=self.model.is_stale)
+        self.foot.show_line(line)
         running = self.foot.running is not None
         enable(self.actions_by_name, line, self.model, running=running)
         both = all(each is not None for each in self.views.opened.values())

@@ -28,17 +28,21 @@ class Totals(QWidget):
     def refresh(self, model: Model) -> None:
         """Take over what the model holds now."""
         fit = model.fit
-        used = int(fit.table["used"].sum())
+        icp = fit.adopted is not None
         parts = (
-            f"RMSE control {_metres(fit.rmse_m)} ({used} of {fit.controls})",
-            f"check {_metres(fit.check_rmse_m)} ({fit.checks})",
-            f"leave-one-out {_metres(fit.loocv_rmse_m)}",
+            f"RMSE {'after ICP: ' if icp else ''}control {_metres(fit.rmse_m)}",
+            f"check {_metres(fit.check_rmse_m)}",
+            f"leave-one-out {_metres(fit.loocv_rmse_m)}{' (before ICP)' if icp else ''}",
         )
         self.numbers.setText("   ".join(part.replace(" ", NO_BREAK) for part in parts))
         words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
         levels = {"sound": "success", "weak": "warning", "refused": "error"}
-        say(self.layout_verdict, words.get(fit.geometry, ""), levels.get(fit.geometry, ""))
-        self.layout_verdict.setToolTip(fit.statement)
+        word, level = words.get(fit.geometry, ""), levels.get(fit.geometry, "")
+        if fit.geometry == "sound" and fit.doubt:  # of what was picked, not of where
+            word = f"{word}, a pick {'suspect' if fit.flagged('suspect') else 'rejected'}"
+            level = "warning"
+        say(self.layout_verdict, word, level)
+        self.layout_verdict.setToolTip(" ".join((fit.statement, fit.doubt)).strip())
 
 
 def _metres(value: float) -> str:

@@ -1,6 +1,7 @@
 import json
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyproj
@@ -18,6 +19,7 @@ from trigpoint.cloud import cloud_from
 from trigpoint.errors import CloudError, CrsError, RegionError
 from trigpoint.files import write
 from trigpoint.similarity import Similarity
+from trigpoint.trial import Trial
 from trigpoint_panel import stateline
 from trigpoint_panel.actions import COMMANDS, keys_told
 from trigpoint_panel.auditing import Audited
@@ -342,7 +344,7 @@ def test_findings_go_with_the_cloud_that_they_were_of(panel, host, clouds, qtbot
     ]
 
 
-def test_icp_is_an_experiment_that_can_be_adopted_and_discarded(panel, clouds, qtbot):
+def test_icp_is_an_experiment_that_can_be_adopted_and_discarded(panel, host, clouds, qtbot):
     load(panel, clouds, qtbot)
     feed(panel)
     tab = panel.align_tab
@@ -351,16 +353,107 @@ def test_icp_is_an_experiment_that_can_be_adopted_and_discarded(panel, clouds, q
     qtbot.waitUntil(lambda: panel.foot.job is None, timeout=60_000)
     assert "not adopted" in tab.verdict.text()
     assert "m → " in tab.errors.text()
+    assert "ICP" not in panel.line.text + panel.totals.numbers.text()
     assert panel.model.similarity is fitted
     tab.adopt.click()
     assert panel.model.state.adopted is not None
     assert "adopted" in tab.verdict.text()
+    # What is said is of what is shown and saved.
+    moved = panel.model.similarity(CORNERS)
+    errors = np.array([pair.target for pair in panel.model.pairs]) - moved
+    rmse = np.sqrt((errors**2).sum(axis=1).mean())
+    assert (
+        panel.totals.numbers.text()
+        .replace("\N{NO-BREAK SPACE}", " ")
+        .startswith(f"RMSE after ICP: control {rmse:.3f} m")
+    )
+    assert "(before" in panel.totals.numbers.text()
+    assert panel.table.cell("P1", "dx_m") == f"{errors[0, 0]:.3f}"
+    assert panel.table.cell("P1", "loo_m") == ""
+    assert "ICP adopted" in panel.line.text
+    assert tab.geometry_verdict.text().startswith("Of the fit, before ICP: ")
+    panel.desk.save_aligned(clouds / "moved.ply")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert "points, carried by the fit with ICP adopted, written to" in host.said[-2][1]
     panel.model.undo()
     assert panel.model.state.adopted is None
     tab.adopt.click()
     tab.discard.click()
     assert panel.model.state.adopted is None
     assert not tab.adopt.isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("after", "said", "level"),
+    [
+        (
+            0.173,
+            "Undecided, not adopted. Error at the 2 check pairs: 0.174 m → 0.173 m, -0.001 m: "
+            "less than 2 pairs can show (±0.050 m).",
+            "",
+        ),
+        (
+            0.1,
+            "Better, not adopted. Error at the 2 check pairs: 0.174 m → 0.100 m, -0.074 m; it is "
+            "known to ±0.050 m.",
+            "success",
+        ),
+        (
+            0.3,
+            "Worse, not adopted. Error at the 2 check pairs: 0.174 m → 0.300 m, +0.126 m; it is "
+            "known to ±0.050 m.",
+            "warning",
+        ),
+    ],
+)
+def test_icp_is_better_or_worse_only_by_more_than_the_held_out_pairs_can_show(
+    panel, after, said, level
+):
+    feed(panel)
+    panel.model.set_role({"P2", "P5"}, "check")
+    panel.align_tab.set_trial(trial(0.174, after), panel.model.fit.alignment)
+    assert panel.align_tab.verdict.text() == said.replace("m, -", "m, \N{MINUS SIGN}")
+    assert panel.align_tab.verdict.property("level") == level
+
+
+def trial(before, after):
+    still = Similarity(1.0, np.eye(3), np.zeros(3))
+    refinement = SimpleNamespace(
+        similarity=still,
+        shift_m=0.1,
+        rotation_deg=0.1,
+        surface_rmse_before_m=0.1,
+        surface_rmse_after_m=0.1,
+    )
+    return Trial(refinement, 0.1, 0.2, None, None, before, after, after < before, "", ())
+
+
+def test_the_places_to_pick_next_are_missing_for_a_reason(panel):
+    said = panel.align_tab.next
+    assert said.text() == "Known from three control pairs on, once the reference is open."
+    for k in range(4):
+        panel.model.place("source", [0, 0, k])
+        panel.model.place("target", [0, 0, 3 * k])
+    assert said.text() == (
+        "Not known without a fit. The control points lie on one line: add one off the line."
+    )
+    panel.model.delete({"P1", "P2", "P3", "P4"})
+    feed(panel)
+    assert said.text() == "Known once the reference is open."
+
+
+def test_a_sound_layout_is_not_green_beside_a_suspect(panel):
+    feed(panel)
+    assert panel.totals.layout_verdict.text() == "Layout: sound"
+    assert panel.totals.layout_verdict.property("level") == "success"
+    target = np.add(panel.model.pairs[3].target, [0.3, 0, 0])
+    panel.model.move("P4", "target", target)
+    assert panel.totals.layout_verdict.text() == "Layout: sound, a pick suspect"
+    assert panel.totals.layout_verdict.property("level") == "warning"
+    assert "Pick P4 does not fit the others" in panel.align_tab.geometry_verdict.text()
+    assert panel.align_tab.geometry_verdict.property("level") == "warning"
+    panel.model.move("P4", "target", target + 3.0)
+    assert panel.totals.layout_verdict.text() == "Layout: sound, a pick rejected"
 
 
 def test_an_audit_that_can_not_run_says_so(panel, host, clouds, qtbot):
@@ -392,12 +485,12 @@ def test_a_verdict_is_told_in_its_colour_and_keeps_it_when_pairs_change(
     assert details == "Too few checks.\nNo CRS."
     tab = panel.report_tab
     assert tab.warnings.text() == "• Too few checks.\n• No CRS."
-    assert panel.foot.word.text() != "Outdated"
+    assert panel.foot.word.text() != "Outdated:"
     x, y, z = panel.model.pairs[0].target
     panel.model.move(panel.model.pairs[0].id, "target", (x + 0.01, y, z))
     assert tab.verdict.text().endswith("Made before the pairs changed: run again.")
     assert tab.verdict.property("level") == VERDICTS[verdict]
-    assert panel.foot.word.text() == "Outdated"
+    assert panel.foot.word.text() == "Outdated:"
 
 
 def test_no_project_file_chosen_means_no_audit(panel, host, clouds, qtbot):
@@ -498,6 +591,21 @@ def test_a_second_operator_begins_and_ends(panel, host):
     panel.action("second_keep").trigger()
     assert not panel.model.state.is_second_operator
     assert host.said[-1][0] == "success"
+
+
+def test_views_are_linked_and_overlaid_again_after_a_second_operator(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    for name in ("link", "overlay"):
+        panel.action(name).setChecked(True)
+    panel.action("second_begin").trigger()
+    assert not panel.action("link").isEnabled()
+    assert not panel.views._link.is_tied
+    panel.action("second_cancel").trigger()
+    assert panel.action("link").isEnabled()
+    assert panel.action("link").isChecked()
+    assert panel.action("overlay").isChecked()
+    assert panel.views._link.is_tied
 
 
 def test_a_command_that_can_not_be_is_refused_in_a_sentence(panel, host):

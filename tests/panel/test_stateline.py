@@ -2,7 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from qtpy.QtCore import Qt
+from qtpy.QtGui import QTextDocument
 
+from trigpoint.similarity import Similarity
 from trigpoint_panel.model import Model
 from trigpoint_panel.operators import begin_second_operator
 from trigpoint_panel.stateline import Running, state_line
@@ -66,7 +69,7 @@ def test_what_has_no_fit_says_why(model):
         model.place("target", [0, i, 0])
     line = state_line(model)
     assert line.text == "The control points lie on one line: add one off the line."
-    assert line.level == "red"
+    assert (line.level, line.word) == ("red", "No fit")
     assert line.enabled == {"open", "pick"}
 
 
@@ -74,18 +77,15 @@ def test_a_fit_is_summed_up(model):
     picked(model, 8)
     model.set_role({"P8"}, "check")
     fit, line = model.fit, state_line(model)
-    assert line.text == (
-        f"scale {fit.similarity.scale:.3f} · RMSE {fit.rmse_m:.3f} m · "
-        f"LOOCV {fit.loocv_rmse_m:.3f} m · 7 control, 1 check"
-    )
-    assert line.level == "good"
+    assert line.text == (f"scale {fit.similarity.scale:.3f} · 7 control, 1 check")
+    assert (line.level, line.word) == ("good", "Fitted")
     assert {"align", "errors", "report", "link", "overlay", "export"} <= line.enabled
 
 
 def test_three_pairs_fit_and_test_nothing(model):
     picked(model, 3)
     line = state_line(model)
-    assert "LOOCV n/a" in line.text
+    assert line.word == "Untested"
     assert line.text.endswith("· no pick can be tested yet: add a fourth")
     assert line.level == "amber"
 
@@ -94,8 +94,57 @@ def test_a_suspect_is_named(model):
     picked(model, 8)
     model.move("P3", "target", np.add(model.pairs[2].target, 0.4))
     line = state_line(model)
-    assert line.text.endswith("· suspect: P3")
-    assert line.level == "red"
+    assert line.text.startswith("P3 does not fit the others · scale ")
+    assert (line.level, line.word) == ("red", "Suspect")
+
+
+def test_what_was_left_out_is_counted_and_named(model):
+    picked(model, 8)
+    model.move("P3", "target", np.add(model.pairs[2].target, 4))
+    line = state_line(model)
+    assert line.text.startswith("P3 left out, the others agree · scale ")
+    assert line.text.endswith("· 7 of 8 control, 0 check")
+    assert (line.level, line.word) == ("red", "Rejected")
+
+
+def test_a_check_pair_that_lies_far_off_is_named(model):
+    picked(model, 8)
+    model.set_role({"P8"}, "check")
+    model.move("P8", "target", np.add(model.pairs[7].target, 4))
+    line = state_line(model)
+    assert line.text.startswith("P8, a check pair, lies beyond 0.5 m · scale ")
+    assert (line.level, line.word) == ("red", "Far")
+
+
+def test_pairs_that_are_no_control_pairs_are_told_from_those_that_are_missing(model):
+    picked(model, 4)
+    model.set_role({"P1", "P2", "P3", "P4"}, "off")
+    assert state_line(model).text == (
+        "0 of 3 control pairs, which make the fit. 4 other pairs are check or off: Space changes "
+        "that."
+    )
+
+
+def test_an_adopted_refinement_is_told_with_what_has_it(model):
+    picked(model, 8)
+    model.adopt(Similarity(3.1, np.eye(3), np.zeros(3)))
+    assert state_line(model).text == (
+        "scale 3.100 · ICP adopted: the views and the saved cloud have it, the report does not · "
+        "8 control, 0 check"
+    )
+
+
+def test_a_name_from_right_to_left_does_not_turn_the_line(model):
+    picked(model, 8)
+    model.rename("P3", "דגל 3")
+    model.move("דגל 3", "target", np.add(model.pairs[2].target, 0.4))
+    line = state_line(model)
+    assert line.text.startswith("\u200e\u2068דגל 3\u2069 does not fit the others · scale ")
+    runs = [QTextDocument(text) for text in (line.text, "דגל 3 does not fit")]
+    assert [run.firstBlock().textDirection() for run in runs] == [
+        Qt.LayoutDirection.LeftToRight,
+        Qt.LayoutDirection.RightToLeft,
+    ]
 
 
 def test_a_weak_layout_is_amber_and_says_why(model):
@@ -112,6 +161,7 @@ def test_a_changed_pair_makes_the_report_stale(model):
     assert state_line(model).level == "good"
     model.cycle_role({"P1"})
     line = state_line(model)
+    assert line.word == "Outdated"
     assert line.text == "Pairs changed since the report: run again."
     assert "report" in line.enabled
 
@@ -129,7 +179,7 @@ def test_a_job_leaves_picking_on_and_can_be_cancelled(model):
 def test_a_failure_is_told_and_nothing_is_locked(model):
     picked(model, 6)
     line = state_line(model, failure="lidar.laz has no CRS.")
-    assert (line.text, line.level) == ("lidar.laz has no CRS.", "red")
+    assert (line.text, line.level, line.word) == ("lidar.laz has no CRS.", "red", "Failed")
     assert line.enabled == state_line(model).enabled
 
 
