@@ -30,6 +30,7 @@ from trigpoint_reporting.style import (
     rule,
     to_svg,
 )
+from trigpoint_reporting.wording import folds_of_icp, held_out_of_icp
 
 # Rows of a figure with a row for every pick; a table lists the others.
 ROWS = 40
@@ -236,14 +237,15 @@ def pose_uncertainty(evidence: Evidence, name: str) -> Drawing:
 
 def icp_before_after(evidence: Evidence, name: str) -> Drawing:
     """Draw every error that ICP was tested by, before it and after it."""
-    icp = evidence.results["reconstructions"][name]["icp"]
+    found = evidence.results["reconstructions"][name]
+    icp = found["icp"]
     if icp is None:
         return not_drawn("ICP", "the project does not ask for it")
     tests = [
         (label, icp[f"{key}_rmse_before_m"], icp[f"{key}_rmse_after_m"])
         for label, key in (
             ("check picks", "check"),
-            ("leave-one-out", "loocv"),
+            (_left_out(found), "loocv"),
             ("control picks", "control"),
             ("surface", "surface"),
         )
@@ -286,13 +288,25 @@ def icp_before_after(evidence: Evidence, name: str) -> Drawing:
         f"{'rises' if end > start else 'falls'} from {metres(start)} to {metres(end)} ({label})"
         for label, start, end in tests
     ]
-    verdict = {True: "retained", False: "not retained", None: "not judged"}[icp["retained"]]
-    alt = f"ICP is {verdict}: the RMSE {listed(moves)}."
+    verdict = "meets the rule and is not delivered" if icp["retained"] else "is not retained"
+    asked = held_out_of_icp(found)
+    doubt = ""
+    if asked is not None and not asked.shows:
+        doubt = (
+            f" {asked.n} picks know their RMSE to about {metres(asked.known_to_m)}, and the change "
+            "is smaller."
+        )
+    alt = f"ICP {verdict}: the RMSE {listed(moves)}.{doubt}"
     caption = (
-        f"{name}: ICP as a hypothesis, {verdict}. It minimises the surface's RMSE, and the fit has "
-        "minimised the control picks': only what is held out decides."
+        f"{name}: ICP as a hypothesis, which {verdict}. It minimises the surface's RMSE, and the "
+        "fit has minimised the control picks': only what is held out decides."
     )
     return Picture(f"icp-{name}", caption, alt, content, "svg")
+
+
+def _left_out(found: dict[str, Any]) -> str:
+    folds, given = folds_of_icp(found), _count(found) if found["alignment"] else 0
+    return "leave-one-out" if folds == given else f"leave-one-out,\n{folds} of {given:,} picks"
 
 
 def _largest(table: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:

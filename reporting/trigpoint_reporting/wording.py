@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from trigpoint.criteria import PRECONDITIONS
 from trigpoint.distributions import chi2_isf
+from trigpoint.trial import MOST_FOLDS
 from trigpoint_reporting.blocks import Cell, Passage, Value
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived, number_text
@@ -144,6 +146,51 @@ def held_out_error(found: Numbers) -> tuple[float | None, str]:
     return found["loocv"]["rmse_m"], "leave-one-out"
 
 
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """What decided about ICP: the RMSE at picks held out, without it and with it.
+
+    Attributes
+    ----------
+    n : int
+        Picks.
+    before_m, after_m : float
+    """
+
+    n: int
+    before_m: float
+    after_m: float
+
+    @property
+    def known_to_m(self) -> float:
+        """How well so many picks know it: an RMSE of 3 n errors, to 1/sqrt(6 n) of itself."""
+        return self.before_m / math.sqrt(6 * self.n)
+
+    @property
+    def shows(self) -> bool:
+        """Whether the change is larger than that."""
+        return abs(self.after_m - self.before_m) > self.known_to_m
+
+
+def held_out_of_icp(found: Numbers | Mapping[str, Any]) -> HeldOut | None:
+    """Return what decided about ICP: the check picks, or leave-one-out where there are none."""
+    icp = found["icp"]
+    for part, count in (("check", _checks(found)), ("loocv", folds_of_icp(found))):
+        before, after = icp[f"{part}_rmse_before_m"], icp[f"{part}_rmse_after_m"]
+        if before is not None:
+            return None if after is None else HeldOut(count, before, after)
+    return None
+
+
+def folds_of_icp(found: Numbers | Mapping[str, Any]) -> int:
+    """Return how many of the picks used the trial of ICP leaves out in turn."""
+    return 0 if found["alignment"] is None else min(found["alignment"]["n"], MOST_FOLDS)
+
+
+def _checks(found: Numbers | Mapping[str, Any]) -> int:
+    return 0 if found["checks"] is None else int(found["checks"]["n"])
+
+
 def mark_of(within: Sequence[Mapping[str, Any]]) -> int:
     """Return the position of the threshold at which a single share is told."""
     marks = [row["threshold_m"] for row in within]
@@ -209,10 +256,15 @@ def _held_out(found: Numbers) -> Iterator[Cell]:
 def _icp(found: Numbers) -> Iterator[Cell]:
     if found["icp"] is None:
         return
-    retained = found["icp"]["retained"]
     # Retained is the hypothesis: what is delivered, and what is told here, is the fit.
+    if not found["icp"]["retained"]:
+        yield "ICP is not retained. "
+        return
+    asked = held_out_of_icp(found)
     yield (
-        "ICP, not delivered, lowers the held-out error. " if retained else "ICP is not retained. "
+        "ICP, not delivered, lowers the held-out error. "
+        if asked is None or asked.shows
+        else f"{number_text(asked.n)} picks can't tell whether ICP helps. "
     )
 
 

@@ -372,7 +372,7 @@ def full():
     }
     difference = {
         "zone": "all",
-        "threshold_m": 0.1,
+        "threshold_m": 0.2,
         "one_pct": 90.7,
         "other_pct": 78.5,
         "difference_pct": 12.2,

@@ -328,8 +328,27 @@ def test_what_is_delivered_is_said_before_icp_is_judged(make_evidence):
     evidence.results["reconstructions"]["nerf"]["icp"]["retained"] = True
     words = told(icp(evidence, "nerf"))
     assert words.index("as the similarity carries it, without ICP") < words.index("Rule, set")
-    assert words.index("0.211") < words.index("Retained as a better pose")
+    assert words.index("0.211") < words.index("The rule is met")
+    assert "is not delivered" in words
     assert "is the cloud as it came, without ICP" in told(icp(evidence, "sfm"))
+
+
+def test_icp_is_not_called_better_by_what_so_few_picks_cannot_show(make_evidence):
+    evidence = make_evidence("full")
+    trial = evidence.results["reconstructions"]["nerf"]["icp"]
+    trial |= {"retained": True, "check_rmse_before_m": 0.174, "check_rmse_after_m": 0.173}
+    words = told(icp(evidence, "nerf"))
+    assert "an RMSE of 4 picks is itself known to about 0.036 m" in words
+    assert "do not tell which of the two poses is the better one" in words
+    trial["check_rmse_after_m"] = 0.1
+    assert "do not tell" not in told(icp(evidence, "nerf"))
+
+
+def test_leave_one_out_over_some_of_the_picks_has_a_name_of_its_own(make_evidence):
+    rows = table(icp(make_evidence("many"), "nerf"), "without and with").rows
+    assert rows[2][0] == "Leave-one-out over 50 of the 300 picks, spread evenly: RMSE (m)"
+    rows = table(icp(make_evidence("paper"), "nerf"), "without and with").rows
+    assert rows[2][0] == "Leave-one-out RMSE (m)"
 
 
 def test_icp_without_picks_is_judged_by_nothing(make_evidence):
@@ -408,10 +427,43 @@ def test_making_it_again_names_a_command_that_works_from_a_bundle(make_evidence)
 
 def test_reconstructions_are_compared_where_they_were(make_evidence):
     words = told(paired(make_evidence("full")))
-    assert "As delivered: nerf is more complete." in words
-    assert "After ICP, pose taken out: nerf is more complete." in words
+    more = (
+        "Over all zones, nerf is more complete than sfm within 0.2 m (95 % intervals, the pose of"
+    )
+    assert f"As delivered: {more} sfm being taken as it is)." in words
+    assert f"After ICP, pose taken out: {more} nerf and sfm being taken as it is)." in words
     assert "one reconstruction" in told(paired(make_evidence("unpicked")))
     assert "Not available" in told(paired(make_evidence("paper")))
+
+
+def test_nothing_is_called_better_that_can_not_be_resolved_or_disagrees_with_itself(make_evidence):
+    evidence = make_evidence("full")
+    rows = evidence.results["paired"]["delivered"][0]["differences"]
+    rows[0] |= {"difference_pct": -0.1, "low_pct": 2.0, "high_pct": 75.9}
+    rows[1]["threshold_m"] = 0.1
+    blocks = paired(evidence)
+    shown = [texts(row)[5] for row in table(blocks, "completeness").rows]
+    assert shown == ["not told", "not resolvable", "better", "better"]
+    words = told(blocks)
+    assert "which is more complete within 0.2 m is not told" in words
+    assert "Not told: what was measured and its interval lie on different sides of zero." in words
+    rows[0]["threshold_m"] = 0.05
+    assert "Over all zones, nothing is said within 0.05 m, not above the voxel" in told(
+        paired(evidence)
+    )
+
+
+def test_an_end_of_an_interval_below_the_floor_is_not_printed_as_a_number(make_evidence):
+    evidence = make_evidence("full")
+    zones = evidence.results["reconstructions"]["nerf"]["comparison"]["delivered"]["accuracy"]
+    why = "An end below the floor"
+    assert why not in told(accuracy(evidence, "nerf"))
+    zones["lower"] |= {"rmse_low_m": 0.0, "rmse_high_m": 0.128}
+    zones["middle"] |= {"rmse_low_m": 0.0, "rmse_high_m": 0.04}
+    shown = [texts(row)[1] for row in table(accuracy(evidence, "nerf"), "within distances").rows]
+    assert shown[1:3] == ["0.100 [up to 0.128]", "0.100 [below the floor]"]
+    assert shown[0] == "0.100 [0.050 to 0.150]"
+    assert told(accuracy(evidence, "nerf")).count(why) == 1
 
 
 def test_a_difference_without_an_interval_stands_alone(make_evidence):

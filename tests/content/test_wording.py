@@ -39,10 +39,31 @@ def test_the_result_takes_at_most_ninety_words(make_evidence, case):
 
 def test_icp_that_is_retained_is_said_not_to_be_delivered(make_evidence):
     evidence = make_evidence("full")
-    evidence.results["reconstructions"]["nerf"]["icp"]["retained"] = True
+    icp = evidence.results["reconstructions"]["nerf"]["icp"]
+    icp |= {"retained": True, "check_rmse_before_m": 0.15, "check_rmse_after_m": 0.11}
     told = to_text(wording.result(evidence, "nerf"))
     assert "ICP, not delivered, lowers the held-out error." in told
     assert len(told.split()) <= 90
+
+
+def test_a_change_by_icp_that_so_few_picks_cannot_show_is_said_to_be_one(make_evidence):
+    evidence = make_evidence("full")
+    icp = evidence.results["reconstructions"]["nerf"]["icp"]
+    icp |= {"retained": True, "check_rmse_before_m": 0.174, "check_rmse_after_m": 0.173}
+    told = to_text(wording.result(evidence, "nerf"))
+    assert "4 picks can't tell whether ICP helps." in told
+    assert "lowers" not in told
+    assert len(told.split()) <= 90
+    asked = wording.held_out_of_icp(evidence.results["reconstructions"]["nerf"])
+    assert asked.known_to_m == pytest.approx(0.174 / 24**0.5)
+
+
+def test_leave_one_out_decides_about_icp_where_there_are_no_check_picks(make_evidence):
+    found = make_evidence("paper").results["reconstructions"]["nerf"]
+    asked = wording.held_out_of_icp(found)
+    assert (asked.n, asked.before_m, asked.after_m) == (6, 0.205, 0.22)
+    found["icp"]["loocv_rmse_after_m"] = None
+    assert wording.held_out_of_icp(found) is None
 
 
 def test_check_picks_are_what_the_plot_scale_goes_by(make_evidence):

@@ -162,6 +162,16 @@ def test_icp_that_was_not_asked_for_is_said(changed):
     assert "does not ask for it" in text_of(block)
 
 
+def test_a_change_by_icp_that_the_picks_cannot_show_is_said_beside_the_figure(changed):
+    def little(results):
+        icp = results["reconstructions"]["nerf"]["icp"]
+        icp |= {"retained": True, "check_rmse_before_m": 0.174, "check_rmse_after_m": 0.173}
+
+    ((_, _, block),) = _of(changed(little), "icp_before_after")
+    assert "ICP meets the rule and is not delivered" in block.alt
+    assert "2 picks know their RMSE to about 0.050 m, and the change is smaller." in block.alt
+
+
 def bundle_of(evidence, folder, count, *, names="pick {}"):
     """The same building with many picks, some rejected, with any names."""
     shutil.copytree(evidence.folder, folder)

@@ -26,6 +26,10 @@ WORSENED = (
     " It is of the value at the true pose: the error of the pose has worsened what was measured, "
     "which lies near the worse end of its interval, or just outside it."
 )
+BELOW_FLOOR = (
+    " An end below the floor, the reference's own spacing and noise, tells nothing and is not "
+    "printed: “up to”, or “below the floor” where both ends are."
+)
 MEANING = {
     "accuracy": "from each point of the reconstruction to the nearest of the reference",
     "completeness": "from each point of the reference to the nearest of the reconstruction",
@@ -114,7 +118,7 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
         columns += ["unthinned"] if thinned else []
     rows: list[tuple[Entry, ...]] = []
     for zone, part in parts:
-        row: list[Entry] = [zone, with_interval(part, "rmse_m", "rmse_low_m", "rmse_high_m")]
+        row: list[Entry] = [zone, _with_floor(part)]
         for share in part.rows("within"):
             row.append(with_interval(share, "pct", "low_pct", "high_pct"))
             row += [share.value("raw_pct")] if thinned else []
@@ -130,6 +134,7 @@ def _shares(evidence: Evidence, name: str, direction: Direction, zones: Numbers)
             "threshold that is not above the voxel depends on where the lattice starts"
             f"{'; read the unthinned share beside it.' if thinned else '.'}",
             " In brackets: the 95 % interval." if spread else " 95 % intervals: not available.",
+            BELOW_FLOOR if any(_below_floor(part) for _, part in parts) else "",
             WORSENED if any(_beside_its_interval(part) for _, part in parts) else "",
         ),
     )
@@ -151,6 +156,20 @@ def with_interval(part: Numbers, key: str, low: str, high: str) -> Entry:
     if part[low] is None or part[high] is None:
         return part.value(key)
     return part.value(key), " [", part.value(low), " to ", part.value(high), "]"
+
+
+def _with_floor(part: Numbers) -> Entry:
+    """Return the RMSE with its interval, whose ends below the floor are said to be just that."""
+    if not _below_floor(part):
+        return with_interval(part, "rmse_m", "rmse_low_m", "rmse_high_m")
+    if part["rmse_high_m"] < part["floor_rmse_m"]:
+        return part.value("rmse_m"), " [below the floor]"
+    return part.value("rmse_m"), " [up to ", part.value("rmse_high_m"), "]"
+
+
+def _below_floor(part: Numbers) -> bool:
+    low, high, floor = (part[key] for key in ("rmse_low_m", "rmse_high_m", "floor_rmse_m"))
+    return None not in (low, high, floor) and bool(low < floor)
 
 
 def _intervals(delivered: Numbers, direction: Direction) -> Iterator[Passage]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from trigpoint_reporting.blocks import Block, Passage, Table
+from collections.abc import Iterator
+
+from trigpoint_reporting import wording
+from trigpoint_reporting.blocks import Block, Cell, Passage, Table
 from trigpoint_reporting.evidence import Evidence
-from trigpoint_reporting.numbers import Numbers, derived
+from trigpoint_reporting.numbers import Numbers, derived, number_text
 
 CANNOT_FALL = (
     "The error at the control picks cannot fall: the fit has made it as small as any similarity "
@@ -43,7 +46,7 @@ def icp(evidence: Evidence, name: str) -> list[Block]:
             ("Error", "Without", "With", "Change", "Decides"),
             [
                 (
-                    label,
+                    _label(found, key, label),
                     trial.value(f"{key}_before_m"),
                     trial.value(f"{key}_after_m"),
                     derived(_change(trial, key), 3),
@@ -69,7 +72,7 @@ def icp(evidence: Evidence, name: str) -> list[Block]:
                 " %.",
             ),
         ),
-        Passage((_decision(trial),), "plain" if trial["retained"] else "note"),
+        Passage(tuple(_decision(found)), "plain" if trial["retained"] else "note"),
     ]
 
 
@@ -78,9 +81,32 @@ def _change(trial: Numbers, key: str) -> float | None:
     return None if before is None or after is None else after - before
 
 
-def _decision(trial: Numbers) -> str:
+def _label(found: Numbers, key: str, label: str) -> str:
+    """Say over which picks leave-one-out was done, where a trial of each would take too long."""
+    folds = wording.folds_of_icp(found)
+    if key != "loocv_rmse" or folds == found["alignment"]["n"]:
+        return label
+    given = number_text(found["alignment"]["n"])
+    return f"Leave-one-out over {folds} of the {given} picks, spread evenly: RMSE (m)"
+
+
+def _decision(found: Numbers) -> Iterator[Cell]:
+    trial = found.below("icp")
     if trial["retained"]:
-        return "Retained as a better pose: the held-out error fell."
-    judged = trial["control_rmse_before_m"] is not None or trial["check_rmse_before_m"] is not None
-    why = "the held-out error did not fall" if judged else "nothing was held out to judge it by"
-    return f"Not retained: {why}."
+        yield (
+            "The rule is met: with ICP the held-out error is smaller. The pose after ICP stays a "
+            "hypothesis all the same, and is not delivered."
+        )
+    else:
+        parts = ("control", "check")
+        judged = any(trial[f"{part}_rmse_before_m"] is not None for part in parts)
+        why = "the held-out error did not fall" if judged else "nothing was held out to judge it by"
+        yield f"Not retained: {why}."
+    asked = wording.held_out_of_icp(found)
+    if asked is not None and not asked.shows:
+        yield f" What that can show: an RMSE of {asked.n} picks is itself known to about "
+        yield derived(asked.known_to_m, 3)
+        yield (
+            " m, 1/√(6n) of it. The change is smaller: these picks do not tell which of the two "
+            "poses is the better one."
+        )
