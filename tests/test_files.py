@@ -1,5 +1,7 @@
 """One door for every format: what goes in comes out, and what is no cloud is refused by name."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -332,15 +334,31 @@ def test_rubbish_and_nothing_are_refused_in_one_line(tmp_path, suffix):
         with pytest.raises(CloudError, match=rf"cloud\{suffix}") as caught:
             read(path)
         assert "\n" not in str(caught.value)
+        if not content:
+            assert str(caught.value).startswith(f"cloud{suffix} is empty, 0 bytes: ")
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".ply"])
-def test_a_file_cut_short_is_refused(tmp_path, suffix):
+@pytest.mark.parametrize("left", [0.1, 0.9, 0.999])
+def test_a_file_cut_short_is_refused_with_what_would_do(tmp_path, suffix, left):
     path = tmp_path / f"cloud{suffix}"
     write(path, rich(UTM, n=5000))
-    path.write_bytes(path.read_bytes()[:-1000])
-    with pytest.raises(CloudError, match=rf"cloud\{suffix}"):
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(left * len(whole))])
+    said = (
+        rf"^cloud\{suffix} is cut short: it .* 5,000 points that its header promises\. Copy or exp"
+    )
+    with pytest.raises(CloudError, match=said) as caught:
         read(path)
+    if suffix != ".laz":
+        held = int(re.search(r"holds ([\d,]+) of", str(caught.value))[1].replace(",", ""))
+        assert left - 0.11 < held / 5000 < left
+
+
+def test_a_ply_that_ends_in_its_header_is_refused(tmp_path):
+    (tmp_path / "a.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 8\n")
+    with pytest.raises(CloudError, match=r"^a\.ply ends within its header: it is no PLY, or cut"):
+        read(tmp_path / "a.ply")
 
 
 def test_a_missing_package_is_named(tmp_path, monkeypatch):

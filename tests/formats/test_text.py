@@ -74,7 +74,9 @@ def test_without_attributes_xyz_has_no_header(tmp_path):
     [
         ("1 2\n3 4\n", "2 columns in line 1"),
         ("x,y,z\n", "nothing below it"),
-        ("x,y,z\n1,2\n", "2 columns in line 2 below 3 names"),
+        ("x,y,z\n1,2\n", "2 columns in line 2 below 3 names: .* needs x, y and z in each line"),
+        ("dense\n1 2 3\n", "3 columns in line 2 below 1 name: .* a name for each column or none"),
+        ("hello world\nthis is not\n", "no numbers in line 2: a point cloud has x, y and z of one"),
         ("a,b,c\n1,2,3\n", "has a, b, c: a point cloud needs x, y and z"),
         ("x,y,z,x\n1,2,3,4\n", "two columns of the same name"),
         ("# only this\n", "no rows of numbers"),

@@ -21,7 +21,7 @@ from pyproj.exceptions import CRSError
 from trigpoint.cautions import Caution
 from trigpoint.crs import header_crs
 from trigpoint.errors import CloudError
-from trigpoint.formats.source import Attributes, Box, Chunk, Plan, Source, columns_of
+from trigpoint.formats.source import Attributes, Box, Chunk, Plan, Source, columns_of, cut_short
 
 # What laspy and lazrs raise for a broken file.
 FAULTS = (laspy.LaspyException, lazrs.LazrsError, OSError, ValueError, IndexError, KeyError)
@@ -31,6 +31,8 @@ FAULTS = (laspy.LaspyException, lazrs.LazrsError, OSError, ValueError, IndexErro
 GROUND_STEP, LOCAL_STEP = 1e-4, 1e-5
 # GPS time counted within a week ends here; anything beyond counts from 1980 or 2011.
 WEEK_S = 604_800
+# What lazrs says where a file ends too soon.
+_ENDED = "failed to fill whole buffer"
 _INT32 = np.iinfo(np.int32)
 _WKT_BIT = 16
 
@@ -116,15 +118,28 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
 def _streamed(path: Path, size: int, attributes: bool, box: Box | None) -> Iterator[Chunk]:
     del box  # there is no index to use it with
     with laspy.open(path, decompression_selection=_selection(attributes)) as reader:
+        header = reader.header
+        if not header.are_points_compressed:
+            held = (path.stat().st_size - header.offset_to_point_data) // header.point_format.size
+            if held < header.point_count:
+                message = cut_short(path, max(held, 0), header.point_count)
+                raise CloudError(message)
         points = 0
-        for record in reader.chunk_iterator(size):
-            points += len(record)
-            yield _chunk(record, attributes=attributes)
-        if points != reader.header.point_count:
+        try:
+            for record in reader.chunk_iterator(size):
+                points += len(record)
+                yield _chunk(record, attributes=attributes)
+        except lazrs.LazrsError as error:
+            if _ENDED not in str(error):
+                raise
+            # How many whole points are left, no one can tell who has not unpacked them.
             message = (
-                f"{path.name} is cut short: it holds {points:,} of the "
-                f"{reader.header.point_count:,} points that its header promises."
+                f"{path.name} is cut short: it ends before the last of the "
+                f"{header.point_count:,} points that its header promises. Copy or export it again."
             )
+            raise CloudError(message) from error
+        if points != header.point_count:
+            message = cut_short(path, points, header.point_count)
             raise CloudError(message)
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from trigpoint.errors import CloudError
-from trigpoint.formats.source import Box, Chunk, Source, axes_of, chunk_of_records
+from trigpoint.formats.source import Box, Chunk, Source, axes_of, chunk_of_records, cut_short
 from trigpoint.formats.text import EXACT
 
 FAULTS = (OSError, ValueError, KeyError, IndexError, pd.errors.ParserError)
@@ -146,7 +146,7 @@ def _compressed(path: Path, start: int, record: np.dtype[np.void], points: int) 
 
 def _whole(path: Path, records: NDArray[np.void], points: int) -> NDArray[np.void]:
     if len(records) != points:
-        message = f"{path.name} is cut short: it holds {len(records):,} of {points:,} points."
+        message = cut_short(path, len(records), points)
         raise CloudError(message)
     return records
 

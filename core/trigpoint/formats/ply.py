@@ -24,10 +24,13 @@ from trigpoint.formats.source import (
     axes_of,
     chunk_of_records,
     columns_of,
+    cut_short,
 )
 
 FAULTS = (plyfile.PlyParseError, OSError, ValueError, UnicodeDecodeError)
 
+# What plyfile says where a file ends too soon.
+_ENDED = "early end-of-file"
 _TYPES = {
     "i1": "char",
     "u1": "uchar",
@@ -46,7 +49,17 @@ _FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (3,))])
 
 def opened(path: Path) -> Source:
     """Read the header; binary vertices stay on the disk until they are asked for."""
-    ply = _parsed(path)
+    try:
+        ply = _parsed(path)
+    except plyfile.PlyParseError as error:
+        if _ENDED not in str(error):
+            raise
+        message = f"{path.name} ends within its header: it is no PLY, or cut short."
+        if isinstance(error, plyfile.PlyElementParseError):
+            element, row = error.element, error.row or 0
+            what = {"vertex": "points", "face": "faces"}.get(element.name, element.name)
+            message = cut_short(path, row, element.count, what)
+        raise CloudError(message) from error
     if "vertex" not in ply:
         message = f"{path.name} has no vertices: a point cloud needs them."
         raise CloudError(message)

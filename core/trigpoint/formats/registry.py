@@ -49,6 +49,9 @@ def opened(path: Path) -> tuple[Source, tuple[type[Exception], ...]]:
     if path.is_dir() and (path / "ept.json").exists():
         path = path / "ept.json"
     backend = backend_of(_reader(path), path)
+    if path.is_file() and not path.stat().st_size:
+        message = f"{path.name} is empty, 0 bytes: copy or export it again."
+        raise CloudError(message)
     with named(path, backend.FAULTS):
         return backend.opened(path), backend.FAULTS
 

@@ -100,6 +100,14 @@ def axes_of(names: tuple[str, ...], path: Path) -> tuple[str, str, str]:
     raise CloudError(message)
 
 
+def cut_short(path: Path, held: int, promised: int, what: str = "points") -> str:
+    """Say that a file ends before all that its header promises, and what would do."""
+    return (
+        f"{path.name} is cut short: it holds {held:,} of the {promised:,} {what} that its header "
+        f"promises. Copy or export it again."
+    )
+
+
 def chunk_of_records(
     records: NDArray[np.void], axes: tuple[str, str, str], *, attributes: bool
 ) -> Chunk:

@@ -94,10 +94,18 @@ def _layout(path: Path) -> _Layout:
         above = fields(lines[first - 1].strip().lstrip("#/;! "))
         title = above if len(above) == len(fields(line)) and not is_number(above[0]) else None
     values = fields(line)
+    if title and not any(is_number(value) for value in values):
+        message = (
+            f"{path.name} holds no numbers in line {first + 1}: a point cloud has x, y and z of "
+            f"one point in each line."
+        )
+        raise CloudError(message)
     if len(values) < 3 or (title is not None and len(title) != len(values)):
+        below = f" below {len(title)} name{'' if len(title) == 1 else 's'}" if title else ""
         message = (
             f"{path.name} has {len(values)} columns in line {first + 1}"
-            f"{f' below {len(title)} names' if title else ''}: a point cloud needs x, y and z."
+            f"{below}: a point cloud needs x, y and z"
+            f"{' in each line' if len(values) < 3 else ', and a name for each column or none'}."
         )
         raise CloudError(message)
     names = tuple(title or ["x", "y", "z", *(f"c{k}" for k in range(3, len(values)))])
