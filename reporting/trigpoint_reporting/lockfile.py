@@ -1,4 +1,4 @@
-"""Which packages and which machine made a bundle, as files that pip and people can read."""
+"""Which packages, source and machine made a bundle, as files that pip and people can read."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from trigpoint.canonical import to_json, write_text
+from trigpoint_reporting.checkout import source_state
 
 
 def write_lock(folder: Path) -> None:
-    """Write ``requirements.lock``, for `pip install -r`, and ``platform.json`` into a folder."""
+    """Write ``requirements.lock``, for `pip install -r`, ``platform.json`` and ``source.txt``."""
     pins = installed_requirements("trigpoint", extras=("reporting",))
     write_text(folder / "requirements.lock", "".join(f"{name}=={pins[name]}\n" for name in pins))
     write_text(folder / "platform.json", to_json(_platform()))
+    write_text(folder / "source.txt", f"{source_state()}\n")
 
 
 def installed_requirements(name: str, *, extras: tuple[str, ...] = ()) -> dict[str, str]:
