@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from trigpoint_reporting.dictionary import describe_file
 from trigpoint_reporting.manifest import MANIFEST
+from trigpoint_reporting.readme import SCHEMA
 
 CRATE = "ro-crate-metadata.json"
 CRATE_1_1 = "https://w3id.org/ro/crate/1.1"
@@ -26,6 +28,7 @@ FORMATS = {
     ".py": "text/x-python",
     ".svg": "image/svg+xml",
     ".toml": "application/toml",
+    ".txt": "text/plain",
 }
 
 Entity = dict[str, Any]
@@ -206,6 +209,10 @@ def _file(folder: Path, name: str, digest: str) -> Entity:
         "contentSize": str((folder / name).stat().st_size),
         "sha256": digest,
     }
+    if told := describe_file(name):
+        entity["description"] = told
+    if name == "data/results.json" and (folder / SCHEMA).is_file():
+        entity["conformsTo"] = {"@id": SCHEMA}
     suffix = re.search(r"\.\w+$", name)
     if suffix and suffix[0] in FORMATS:
         entity["encodingFormat"] = FORMATS[suffix[0]]

@@ -29,6 +29,7 @@ from trigpoint_reporting.manifest import (
 )
 from trigpoint_reporting.numbers import write_rounding
 from trigpoint_reporting.quality import quality_report
+from trigpoint_reporting.readme import write_readme
 from trigpoint_reporting.recipe import write_recipe
 from trigpoint_reporting.revisions import write_changes
 
@@ -43,8 +44,8 @@ def write_record(folder: Path, audit: Audit, results: Mapping[str, Any]) -> None
 
     To be called after `fill_bundle` and before the report is written, so that the report can
     state `record_hash`. Writes config/, env/, quality/, verify/, the correspondences of each
-    similarity, how numbers are rounded in print, what changed since the last revision, and
-    ``record-sha256.txt``.
+    similarity, how numbers are rounded in print, what changed since the last revision, README.txt
+    with the schema of results.json, and ``record-sha256.txt``.
 
     Parameters
     ----------
@@ -65,6 +66,7 @@ def write_record(folder: Path, audit: Audit, results: Mapping[str, Any]) -> None
         _repeats(folder / "data", judged)
     write_rounding(folder / "data" / "rounding.json")
     write_changes(folder / "data" / "changes.json", results, folder.parent)
+    write_readme(folder, results)
     write_manifest(folder / RECORD, hash_files(folder))
 
 
