@@ -18,7 +18,7 @@ from trigpoint_panel.documents import SessionError
 from trigpoint_panel.model import Model
 from trigpoint_panel.operators import begin_second_operator
 from trigpoint_panel.session import Session, read_session
-from trigpoint_reporting import cli
+from trigpoint_reporting import bundling, cli
 
 # What only takes time here: the question is whether the same things are asked.
 QUICK = "icp = false\nintervals = false\n"
@@ -396,7 +396,7 @@ def test_a_project_opens_as_a_session_and_stays_as_it_is(small_project):
 
 def _audited(project, out, monkeypatch):
     # What the report needs is tested elsewhere; here it would only take its time.
-    monkeypatch.setattr(cli, "_report", lambda *_, **__: ())
+    monkeypatch.setattr(bundling, "report", lambda *_, **__: ())
     said = CliRunner().invoke(cli.app, ["audit", str(project), "--out", str(out)])
     assert said.exit_code == 0, said.output
     (folder,) = (path for path in out.iterdir() if path.is_dir())
