@@ -9,6 +9,10 @@ from qtpy.QtWidgets import QFrame, QSplitter, QTabWidget, QVBoxLayout, QWidget
 
 from trigpoint_panel.forms import Tab
 
+NARROWEST = 480  # pixels
+# Of what stands under the table, where the panel is at its narrowest.
+LINES = 3
+
 
 def tabbed(panel: QWidget, tabs: Mapping[str, Tab]) -> QTabWidget:
     """Put tabs together, as wide as the widest needs."""
@@ -26,6 +30,8 @@ def stacked(panel: QWidget, views: QWidget, table: QWidget, totals: QWidget) -> 
     column = _column(under)
     column.addWidget(table, 1)
     column.addWidget(totals)
+    # What sums it up takes more lines in less width, which a splitter does not ask about.
+    under.setMinimumHeight(table.minimumHeight() + LINES * table.fontMetrics().height() + 8)
     upright = QSplitter(Qt.Orientation.Vertical, panel)
     upright.addWidget(views)
     upright.addWidget(under)
@@ -55,8 +61,17 @@ def arrange(
     line.setFixedHeight(1)
     whole.addWidget(line)
     whole.addWidget(foot)
-    panel.setMinimumSize(480, 320)
+    panel.setMinimumWidth(NARROWEST)  # its height follows from what stands in it
     return across
+
+
+def is_narrow(across: QSplitter) -> bool:
+    """Tell whether there is too little room for the views and the tabs beside each other."""
+    upright, tabs = across.widget(0), across.widget(1)
+    assert upright is not None
+    assert tabs is not None
+    beside = upright.minimumSizeHint().width() + tabs.minimumWidth() + across.handleWidth()
+    return across.width() < beside
 
 
 def _column(inside: QWidget) -> QVBoxLayout:

@@ -30,7 +30,7 @@ from trigpoint_panel.style import look_of
 from trigpoint_reporting.elevations import BANDS, LIMIT_M, band_edges, colour_table
 
 ALL = "all"
-HEADS = ("Zone", "n", "Mean", "RMSE", "P95", "≤ t")
+HEADS = ("Zone\n", "n\npoints", "Mean\nm", "RMSE\nm", "P95\nm", "≤ t\n%")
 FEWEST = 20  # distances; fewer have no 95th percentile worth the name
 
 
@@ -229,7 +229,7 @@ class LegendBar(QWidget):
     def set_limit(self, limit: float) -> None:
         """Say up to where distances are told apart, in metres."""
         edges = band_edges(limit)
-        self.ends = ("0 m", edges[BANDS // 2], f"{edges[BANDS]} m")
+        self.ends = ("0 m", f"{edges[BANDS // 2]} m", f"{edges[BANDS]} m")
         self.update()
 
     def sizeHint(self) -> QSize:
@@ -306,7 +306,7 @@ def _show(table: QTableWidget, found: Comparison, direction: str, metres: float)
                 _metres(values["mean_m"]),
                 _metres(values["rmse_m"]),
                 _metres(values["p95_m"]) if values["n"] >= FEWEST else "",
-                f"{within[name]:.1f} %" if name in within else "",
+                f"{within[name]:.1f}" if name in within else "",
             )
             for column, text in enumerate(cells):
                 item = QTableWidgetItem(text)

@@ -6,8 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 from qtpy.QtCore import Qt, Signal
-from qtpy.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QSizePolicy, QWidget
+from qtpy.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
 
+from trigpoint_panel.elided import ElidedLabel
 from trigpoint_panel.forms import say
 from trigpoint_panel.jobs import Job
 from trigpoint_panel.stateline import Running, StateLine
@@ -43,10 +44,8 @@ class Foot(QWidget):
         self.word = QLabel(self)
         self.word.setObjectName("word")
         row.addWidget(self.word)
-        self.line = QLabel(self)
-        self.line.setTextFormat(Qt.TextFormat.PlainText)
+        self.line = ElidedLabel(self)
         self.line.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.line.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.line.setMinimumHeight(self.fontMetrics().height() + 8)
         row.addWidget(self.line, 1)
         self.where = QLabel(self)

@@ -6,8 +6,10 @@ from typing import Any
 
 from qtpy import QtCore, QtGui, QtWidgets
 
+from trigpoint.crsparts import crs_code
 from trigpoint_panel.camera import Face, Position
 from trigpoint_panel.colouring import LABELS, ColourMode
+from trigpoint_panel.elided import ElidedLabel
 from trigpoint_panel.opening import Opened
 
 UPS: dict[str, Position] = {
@@ -27,25 +29,6 @@ FACES: dict[str, Face] = {
 }
 
 
-class ElidedLabel(QtWidgets.QLabel):
-    """A label that gives way: what does not fit ends in three dots."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        policy = QtWidgets.QSizePolicy.Policy
-        self.setSizePolicy(policy.Ignored, policy.Preferred)
-        self.setMinimumWidth(40)
-
-    def paintEvent(self, event: QtGui.QPaintEvent) -> None:
-        """Paint as much of the text as there is room for."""
-        del event
-        painter = QtGui.QPainter(self)
-        right = QtCore.Qt.TextElideMode.ElideRight
-        text = self.fontMetrics().elidedText(self.text(), right, self.width())
-        painter.drawText(self.rect(), QtCore.Qt.AlignmentFlag.AlignVCenter, text)
-        painter.end()
-
-
 class Header(QtWidgets.QWidget):
     """Says which cloud is shown, and lets its look be chosen."""
 
@@ -61,7 +44,7 @@ class Header(QtWidgets.QWidget):
         super().__init__(parent)
         self._title = title
         self._is_empty = True
-        self.label = ElidedLabel()
+        self.label = ElidedLabel(self)
         self.colour = QtWidgets.QComboBox()
         self.colour.setToolTip("Colour by")
         self.colour.setAccessibleName(f"Colour the {title.lower()} by")
@@ -103,12 +86,14 @@ class Header(QtWidgets.QWidget):
             return
         shown, total = len(opened.cloud), opened.total
         crs = opened.info.crs
+        code = None if crs is None else crs_code(crs)
         units = "in units of its own" if crs is None else f"in metres, {crs.name}"
-        short = "own units" if crs is None else "m"
+        short = "own units" if crs is None else f"{code.split('+')[0]}, m" if code else "m"
         count = f"{_short(shown)} of {_short(total)}" if opened.is_thinned else _short(total)
-        self.label.setText(f"{self._title}: {opened.path.name}, {count} points, {short}")
+        self.label.setText(f"{self._title}: {opened.path.name}, {short}, {count} points")
         self.label.setToolTip(
-            f"{opened.path}\n{shown:,} of {total:,} points shown\n{units}\n{opened.info.format}"
+            f"{opened.path}\n{shown:,} of {total:,} points shown\n"
+            f"{f'{units} ({code})' if code else units}\n{opened.info.format}"
         )
 
     def offer(self, modes: tuple[ColourMode, ...], mode: ColourMode | None) -> None:

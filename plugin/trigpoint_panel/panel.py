@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from qtpy.QtCore import QEvent, Qt, QTimer, Signal
-from qtpy.QtGui import QDragEnterEvent, QDropEvent, QKeyEvent
+from qtpy.QtGui import QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent
 from qtpy.QtWidgets import QAbstractSpinBox, QLineEdit, QPlainTextEdit, QWidget
 
 from trigpoint.errors import TrigpointError
 from trigpoint_panel.actions import COMMANDS, enable, make_actions
 from trigpoint_panel.align_tab import AlignTab
-from trigpoint_panel.arrangement import arrange, stacked, tabbed
+from trigpoint_panel.arrangement import arrange, is_narrow, stacked, tabbed
 from trigpoint_panel.bar import Bar
 from trigpoint_panel.canvas import CanvasKind
 from trigpoint_panel.desk import Desk
@@ -82,6 +82,7 @@ class Panel(QWidget):
         self.failure = ""
         self._theme = ""
         self._closed = False
+        self._is_narrow = self._tabs_wait = False
         self._keys: KeysWindow | None = None
         self.actions_by_name = make_actions(self)
 
@@ -237,7 +238,7 @@ class Panel(QWidget):
             "link": views.set_linked,
             "overlay": views.set_overlaid,
             "next_places": views.show_next,
-            "pane": self.tabs.setVisible,
+            "pane": lambda _: self._share_room(),
             "eye_dome": self._set_eye_dome,
             "parallel": views.set_parallel,
         }
@@ -312,6 +313,20 @@ class Panel(QWidget):
         for side in SIDES:
             self.views.view(side).set_eye_dome(on)
 
+    def _share_room(self) -> None:
+        """Show the views and the tabs beside each other, or where that is too narrow one of them.
+
+        The views come first: the tabs wait until there is room again, or are called.
+        """
+        pane, narrow = self.action("pane"), is_narrow(self.across)
+        if narrow != self._is_narrow:
+            self._is_narrow = narrow
+            if narrow:
+                self._tabs_wait = pane.isChecked()
+            pane.setChecked(not narrow and (self._tabs_wait or pane.isChecked()))
+        self.tabs.setVisible(pane.isChecked())
+        self.upright.setVisible(not (narrow and pane.isChecked()))
+
     def _escape(self) -> None:
         if self.cancel() or self.model.drop_open_half() is not None:
             return
@@ -324,6 +339,11 @@ class Panel(QWidget):
         self._keys.raise_()
 
     # What Qt asks ------------------------------------------------------------------------------
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Share the room out anew."""
+        super().resizeEvent(event)
+        self._share_room()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Take the keys that are held or that buttons need too: Z and Space."""

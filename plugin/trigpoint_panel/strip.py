@@ -40,6 +40,7 @@ class Sentence(QPlainTextEdit):
 
     def __init__(self, text: str, parent: QWidget | None = None) -> None:
         super().__init__(text, parent)
+        self._fits = False
         self.setObjectName("sentence")
         self.setReadOnly(True)
         self.setTabChangesFocus(True)
@@ -62,15 +63,19 @@ class Sentence(QPlainTextEdit):
         self._fit()
 
     def _fit(self) -> None:
+        if self._fits:
+            return  # a scroll bar that comes or goes resizes it again
+        self._fits = True
+        policy = Qt.ScrollBarPolicy
+        self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOff)
         lines = int(self.document().size().height())  # of a plain text Qt counts lines here
         scrolls = lines > LINES
-        policy = Qt.ScrollBarPolicy
-        self.setVerticalScrollBarPolicy(
-            policy.ScrollBarAsNeeded if scrolls else policy.ScrollBarAlwaysOff
-        )
+        if scrolls:
+            self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOn)
         # What scrolls has no margin below: the top of one more line would show in it.
         below = 0 if scrolls else MARGIN + 2
         self.setFixedHeight(min(lines, LINES) * self.cursorRect().height() + MARGIN + below)
+        self._fits = False
 
 
 class Message(QFrame):

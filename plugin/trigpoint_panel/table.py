@@ -21,6 +21,8 @@ from qtpy.QtGui import QBrush, QColor, QFont, QFontMetrics, QKeyEvent, QPainter
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
+    QLineEdit,
+    QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
     QTableView,
@@ -40,6 +42,7 @@ LEVEL = Qt.ItemDataRole.UserRole + 2
 SHARE = Qt.ItemDataRole.UserRole + 3
 
 AXES = ("x", "y", "z")
+SURE = 0.001  # a chance below this is not told by its digits
 CHECKED = {
     "control": Qt.CheckState.Checked,
     "check": Qt.CheckState.PartiallyChecked,
@@ -134,6 +137,8 @@ class PairTableModel(QAbstractTableModel):
         if role == SORTED_BY:
             return None if value != value else value  # NaN has no order
         if role == Qt.ItemDataRole.DisplayRole:
+            if column.key == "p_value" and value < SURE:
+                return f"<{SURE}"
             return _text(value, column.digits)
         if role == Qt.ItemDataRole.EditRole:
             return _text(value, None)
@@ -326,10 +331,33 @@ class _Cells(QStyledItemDelegate):
             colour = QColor(strong)
             colour.setAlpha(90 if level else 255)
             painter.fillRect(inner, QBrush(colour))
+        chosen = QStyle.StateFlag.State_Selected
+        if level and option.state & chosen:  # which a selected row must not hide
+            option = QStyleOptionViewItem(option)
+            option.state &= ~chosen
+            for edge in (rectangle.top(), rectangle.bottom() - 2):
+                line = QRectF(rectangle.left(), edge, rectangle.width(), 2)
+                painter.fillRect(line, QColor(look.accent))
         super().paint(painter, option, index)
-        if level:  # at the edge, where a selected row does not hide it
-            edge = QRectF(rectangle.left(), rectangle.top(), 4, rectangle.height())
-            painter.fillRect(edge, QColor(look.error if level == "red" else look.warning))
+        if level:
+            edge_of = QRectF(rectangle.left(), rectangle.top(), 4, rectangle.height())
+            painter.fillRect(edge_of, QColor(look.error if level == "red" else look.warning))
+
+    def updateEditorGeometry(
+        self, editor: QWidget, option: QStyleOptionViewItem, index: Index
+    ) -> None:
+        """Give a number the room to be seen whole: it is kept finer than its cell shows it."""
+        super().updateEditorGeometry(editor, option, index)
+        table = self.parent()
+        if not isinstance(table, QTableView) or not isinstance(editor, QLineEdit):
+            return
+        room = table.viewport().rect()
+        text = str(index.data(Qt.ItemDataRole.EditRole) or "")
+        wanted = editor.fontMetrics().horizontalAdvance(text + "00") + 12
+        where = editor.geometry()
+        where.setWidth(min(max(where.width(), wanted), room.width()))
+        where.moveLeft(max(0, min(where.left(), room.right() - where.width())))
+        editor.setGeometry(where)
 
 
 def _alignment(column: Column) -> Qt.AlignmentFlag:

@@ -27,7 +27,7 @@ from trigpoint_panel.stage import Stage
 from trigpoint_reporting.elevations import LIMIT_M
 
 Side = Literal["source", "target"]
-TITLES: dict[Side, str] = {"source": "Source", "target": "Target"}
+TITLES: dict[Side, str] = {"source": "Source", "target": "Reference"}
 
 # Pixels around the cursor in which a point is picked.
 REACH = 5.0
@@ -35,6 +35,8 @@ REACH = 5.0
 REST = 200
 # Degrees for a drag across the height of the view, and zoom for a step of the wheel.
 TURN, WHEEL = 180.0, 1.15
+# Pixels of the frame that tells which view has the keys.
+FRAME = 2
 # Height of what is seen where the view has flown to, as a share of what it is where all is seen.
 NEAR = 0.2
 
@@ -92,12 +94,13 @@ class CloudView(QtWidgets.QWidget):
         self._magnifier = Magnifier(self.scene, self._stage)
         self._overlay_bar = OverlayBar(self)
         column = QtWidgets.QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
+        column.setContentsMargins(FRAME, FRAME, FRAME, FRAME)
         column.setSpacing(0)
         column.addWidget(self.header)
         column.addWidget(self._stage, 1)
         column.addWidget(self._overlay_bar)
         self.setFocusPolicy(QtCore.Qt.FocusPolicy.StrongFocus)
+        self.setAttribute(QtCore.Qt.WidgetAttribute.WA_StyledBackground)  # a frame, when focused
         self.setAcceptDrops(True)
         self.setAccessibleName(f"{TITLES[side]} view")
 

@@ -22,8 +22,9 @@ from trigpoint_panel.snapping import Mode
 from trigpoint_panel.view import CloudView
 
 PROMPTS: dict[Side, str] = {
-    "source": "Open a source cloud (Ctrl+O), or drop one here",
-    "target": "Open the reference (Ctrl+R), or drop it here",
+    "source": "Open a source cloud (Ctrl+O), or drop one here.\n\n"
+    "To try it all on a made-up project:\nMenu (F10), Open the clock tower.",
+    "target": "Open the reference (Ctrl+R), or drop it here.",
 }
 
 

@@ -16,7 +16,7 @@ from trigpoint_qgis import deps
 
 # Wide enough for two views side by side: a docked column would show neither.
 FLOATING = QSize(1150, 720)
-SMALLEST = QSize(480, 320)
+NARROWEST = 480
 # Of the height of QGIS's window, where the dock lies in it: its least height shows no cloud.
 DOCKED = 0.58
 # The second click of the two that float a dock is still held when it floats.
@@ -42,7 +42,7 @@ class TrigpointDock(QDockWidget):
         self._attach = attach
         self._filled = False
         inside = QWidget(self)
-        inside.setMinimumSize(SMALLEST)
+        inside.setMinimumWidth(NARROWEST)
         self._column = QVBoxLayout(inside)
         self._column.setContentsMargins(0, 0, 0, 0)
         self._column.setSpacing(0)

@@ -37,7 +37,6 @@ def window(qtbot, tmp_path):
 @pytest.mark.parametrize("width", [None, 1366, 1092, 960, 700, 480])
 def test_the_menu_is_in_reach_at_every_width(window, qtbot, width):
     if width is not None:
-        window.panel.action("pane").setChecked(False)
         window.resize(width, 600)
     window.activateWindow()
     qtbot.waitUntil(lambda: width is None or window.width() == width, timeout=2000)
@@ -254,6 +253,11 @@ def test_a_message_of_many_lines_leaves_room_and_scrolls(window, qtbot):
     assert message.height() < 150
     line = message.sentence.cursorRect().height()
     assert message.sentence.height() == 5 * line + 2  # and nothing of a sixth
+    longer = [window.strip.add("error", f"{'word ' * 130}{k}") for k in range(3)]
+    line = longer[0].sentence.cursorRect().height()
+    window.resize(720, 700)
+    for each in longer:
+        qtbot.waitUntil(lambda each=each: each.sentence.height() == 5 * line + 2, timeout=2000)
 
 
 def test_a_crs_is_named_back_before_it_is_taken(qtbot):

@@ -316,7 +316,7 @@ def test_distances_are_coloured_as_the_report_of_the_same_project_does(panel, cl
     qtbot.waitUntil(lambda: panel.errors_tab.findings is not None, timeout=20_000)
     found = panel.errors_tab.findings
     assert found.limit_m == 0.2  # two and a half times the largest threshold
-    assert panel.errors_tab.legend.ends == ("0 m", "0.10", "0.20 m")
+    assert panel.errors_tab.legend.ends == ("0 m", "0.10 m", "0.20 m")
     scene = panel.views.source.scene
     assert scene.legend.high == "0.20 m"
     assert (scene._colours == distance_colours(found.source_m, limit=0.2)).all()
@@ -722,6 +722,45 @@ def _check_layout(panel, size):
             for k, one in enumerate(shown):
                 for other in shown[k + 1 :]:
                     assert not one.geometry().intersects(other.geometry()), (one, other)
+
+
+def test_a_narrow_panel_shows_the_views_or_the_tabs(panel, qtbot):
+    feed(panel)
+    pane = panel.action("pane")
+    panel.resize(480, panel.minimumSizeHint().height())
+    qtbot.wait(20)
+    assert panel.width() == 480
+    assert (panel.upright.isVisible(), panel.tabs.isVisible()) == (True, False)
+    left, right = panel.views.source, panel.views.target
+    assert left.geometry().right() < right.geometry().left()
+    for view in (left, right):
+        assert view.header.width() >= view.header.minimumSizeHint().width()
+    assert panel.totals.y() >= panel.table.geometry().bottom()
+    assert panel.totals.numbers.height() >= panel.totals.numbers.heightForWidth(
+        panel.totals.numbers.width()
+    )
+    pane.trigger()
+    assert (panel.upright.isVisible(), panel.tabs.isVisible()) == (False, True)
+    pane.trigger()
+    panel.resize(1200, 700)
+    qtbot.wait(20)
+    assert (panel.upright.isVisible(), panel.tabs.isVisible()) == (True, True)
+    pane.trigger()
+    panel.resize(480, 700)
+    panel.resize(1200, 700)
+    qtbot.wait(20)
+    assert not panel.tabs.isVisible()  # who had sent them away has them away still
+
+
+def test_a_state_line_that_does_not_fit_ends_in_dots(panel, qtbot):
+    feed(panel)
+    line = panel.foot.line
+    assert line.shown == line.text()
+    panel.resize(480, 500)
+    panel.foot.where.setText("E 741000.000   N 4279000.000   H 150.000")
+    qtbot.wait(20)
+    assert line.shown.endswith("…")
+    assert line.toolTip() == line.text()
 
 
 def test_shutting_down_twice_is_fine_and_frees_the_model(panel):

@@ -10,6 +10,7 @@ from qtpy.QtWidgets import QApplication, QLineEdit
 from trigpoint.similarity import Similarity
 from trigpoint_panel.columns import AT, COLUMNS
 from trigpoint_panel.model import Model
+from trigpoint_panel.style import look_of
 from trigpoint_panel.table import LEVEL, PairTable
 
 PLACES = np.array(
@@ -46,6 +47,47 @@ def test_every_pair_is_a_row_and_every_number_has_its_unit(table, model):
     assert table.cell("P1", "role") == "control"
     heads = {column.key: column.head for column in COLUMNS}
     assert heads["d_m"] == "3D\nm"
+    assert len(set(heads.values())) == len(heads)  # none is to be told by its place alone
+
+
+def test_what_a_pair_is_worth_stands_beside_its_name(table):
+    keys = [column.key for column in COLUMNS]
+    assert keys[3:8] == ["d_m", "loo_m", "dx_m", "dy_m", "dz_m"]
+    edge = sum(table.columnWidth(AT[key]) for key in keys[:8])
+    assert edge < 700
+
+
+def test_a_selected_row_keeps_the_ground_of_what_is_wrong(table, model):
+    x, y, z = model.pairs[4].target
+    model.move("P5", "target", (x + 0.3, y, z))
+    place = table.visualRect(table.index_of("P5", "flag"))
+
+    def ground():
+        picture = table.viewport().grab().toImage()
+        return picture.pixelColor(place.right() - 3, place.center().y()).name()
+
+    table.clearSelection()
+    before = ground()
+    table.selectRow(table.index_of("P5", "flag").row())
+    assert ground() == before == look_of(table).red_row
+
+
+def test_a_chance_below_a_thousandth_is_not_written_as_none(table, model):
+    x, y, z = model.pairs[4].target
+    model.move("P5", "target", (x + 0.3, y, z))
+    assert table.cell("P5", "p_value") == "<0.001"
+
+
+def test_a_coordinate_is_seen_whole_while_it_is_typed(table, model, qtbot):
+    model.move("P2", "target", (741008.123456789, 4279056.123456789, 153.123456789))
+    index = table.index_of("P2", "target_y")
+    table.setCurrentIndex(index)
+    QTest.keyClick(table, Qt.Key.Key_F2)
+    (editor,) = [each for each in table.findChildren(QLineEdit) if each.isVisible()]
+    qtbot.wait(20)
+    assert editor.text() == "4279056.123456789"
+    assert editor.fontMetrics().horizontalAdvance(editor.text()) < editor.width() - 6
+    assert table.viewport().rect().contains(editor.geometry())
 
 
 def test_a_suspect_has_a_word_a_level_and_a_reason(table, model):

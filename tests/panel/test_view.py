@@ -431,10 +431,10 @@ def test_a_file_can_be_dropped(qtbot, shown, tmp_path):
 
 def test_the_header_says_what_is_shown(shown, opened_tower):
     view = shown()
-    assert view.header.label.text() == "Target"
+    assert view.header.label.text() == "Reference"
     assert not view.header.colour.isVisible()
     view.set_cloud(opened_tower(total=62_000_000))
-    assert view.header.label.text() == "Target: tower.laz, 30 k of 62.0 M points, m"
+    assert view.header.label.text() == "Reference: tower.laz, EPSG:32615, m, 30 k of 62.0 M points"
     assert "30,000 of 62,000,000 points shown" in view.header.label.toolTip()
     assert "UTM zone 15N" in view.header.label.toolTip()
     assert [view.header.colour.itemText(k) for k in range(2)] == ["Own colours", "Height"]
@@ -444,7 +444,7 @@ def test_the_header_says_what_is_shown(shown, opened_tower):
     assert view.legend.isVisible()
     assert view.legend.accessibleName().startswith("Height from 150")
     view.set_cloud(None)
-    assert view.header.label.text() == "Target"
+    assert view.header.label.text() == "Reference"
     assert not view.legend.isVisible()
 
 
