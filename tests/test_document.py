@@ -226,6 +226,23 @@ def test_without_the_libraries_the_html_is_whole_and_says_what_to_install(
     assert not (folder / "report.pdf").exists()
 
 
+def test_a_pdf_with_letters_that_no_font_has_is_not_declared_pdf_a_and_says_so(
+    tmp_path, sections, monkeypatch
+):
+    made = []
+    monkeypatch.setattr(document, "letters_without_font", lambda _: "東<")
+    monkeypatch.setattr(document, "write_pdf", lambda html, _, **how: made.append((html, how)))
+    monkeypatch.setattr(document, "execute", lambda *_: None)
+    (caution,) = write_report(bundle(tmp_path / "b"), sections=sections)
+    ((html, how),) = made
+    assert caution.code == "letters_without_font"
+    assert how["variant"] is None
+    assert "data/results.json" in how["attachments"]
+    said = "This PDF is not declared to be PDF/A: no font of the report has 東&lt;"
+    assert said in html
+    assert said not in (tmp_path / "b" / "report.html").read_text("utf-8")
+
+
 def test_two_pictures_of_one_name_are_refused(tmp_path, sections, monkeypatch):
     html = '<img alt="x" data-file="a.png" src="data:image/png;base64,AA==">'
     output = new_output("display_data", {"text/html": html})

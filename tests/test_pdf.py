@@ -69,6 +69,18 @@ def test_the_pdf_declares_its_archive_form_and_is_tagged(tmp_path, variant, part
 
 
 @pytest.mark.usefixtures("weasyprint")
+def test_without_a_variant_nothing_is_declared_and_files_are_embedded_all_the_same(tmp_path):
+    (tmp_path / "a.csv").write_text("a")
+    settings = {"variant": None, "attachments": {"data/a.csv": tmp_path / "a.csv"}}
+    path = written(tmp_path, page(), **settings)
+    made, content = path.read_bytes(), unpacked(path)
+    assert b"pdfaid" not in content
+    assert b"/StructTreeRoot" in content
+    assert b"data-a.csv" in content
+    assert written(tmp_path, page(), **settings).read_bytes() == made
+
+
+@pytest.mark.usefixtures("weasyprint")
 def test_every_font_is_embedded_whatever_the_script(tmp_path):
     if shutil.which("pdffonts") is None:
         pytest.skip("pdffonts lists the fonts")

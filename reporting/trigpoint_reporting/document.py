@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import datetime as dt
 from collections.abc import Callable, Sequence
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -27,6 +28,11 @@ try:
 except ImportError as error:
     _MESSAGE = 'Reports need Jupyter\'s notebooks: pip install "trigpoint[reporting]"'
     raise MissingPackageError(_MESSAGE, name=error.name) from error
+
+UNDECLARED = (
+    "This PDF is not declared to be PDF/A: no font of the report has {letters}, drawn here in "
+    "fonts of the machine that made it, or as boxes."
+)
 
 Say = Callable[[str], None]
 
@@ -63,7 +69,8 @@ def write_report(
     folder : Path
         The bundle, as `sealing.write_record` left it.
     pdf : {"a-3a", "a-2a"} or None, optional
-        With the notebook, tables and matrices embedded; without; no PDF.
+        With the notebook, tables and matrices embedded; without; no PDF. Where a name is in a
+        script that the report's fonts lack, neither is declared.
     sections : sequence of Section, optional
         What is shown, in order.
     say : callable, optional
@@ -98,23 +105,26 @@ def write_report(
     if pdf is None:
         return ()
     say("writing report.pdf")
+    cautions: tuple[Caution, ...] = ()
+    variant: Variant | None = pdf
+    printed = html
+    if letters := letters_without_font(html):
+        # Fonts of this machine would have to be called the report's own: it declares nothing.
+        variant = None
+        said = UNDECLARED.format(letters=letters)
+        printed = printed.replace("</footer>", f"<p>{escape(said)}</p>\n</footer>", 1)
+        cautions = (Caution("letters_without_font", f"{PDF}: {said}"),)
     try:
         write_pdf(
-            html,
+            printed,
             folder / PDF,
-            variant=pdf,
+            variant=variant,
             attachments=_embedded(folder) if pdf == "a-3a" else {},
             date=_date(evidence),
         )
     except MissingPackageError as error:
         return (Caution("pdf_not_made", f"{HTML} is whole, but there is no {PDF}. {error}"),)
-    if letters := letters_without_font(html):
-        message = (
-            f"No font of the report has {letters!r}: {PDF} draws them in fonts of this machine, "
-            "or as boxes, and is no PDF/A for them."
-        )
-        return (Caution("letters_without_font", message),)
-    return ()
+    return cautions
 
 
 def _write_figures(folder: Path, notebook: NotebookNode) -> None:

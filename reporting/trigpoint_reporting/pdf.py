@@ -1,4 +1,4 @@
-"""The PDF of a report, made from its HTML by WeasyPrint: declared PDF/A, its fonts its own."""
+"""The PDF of a report, made from its HTML by WeasyPrint: PDF/A where its fonts have all it says."""
 
 from __future__ import annotations
 
@@ -53,21 +53,22 @@ def write_pdf(
     html: str,
     path: Path,
     *,
-    variant: Variant = "a-3a",
+    variant: Variant | None = "a-3a",
     attachments: Mapping[str, Path] | None = None,
     date: dt.date | None = None,
 ) -> None:
     """Write a report as PDF.
 
-    It is declared to be PDF/A; only a validator could say that it is.
+    It is declared to be PDF/A, unless its letters can't all be embedded; only a validator could
+    say that it is.
 
     Parameters
     ----------
     html : str
         As `AuditExporter` makes it.
     path : Path
-    variant : {"a-3a", "a-2a"}, optional
-        a-2a allows no attachment.
+    variant : {"a-3a", "a-2a"} or None, optional
+        a-2a allows no attachment; None declares nothing.
     attachments : mapping of str to Path, optional
         Files to embed, by the path that they have in the bundle.
     date : date, optional
@@ -112,7 +113,8 @@ def write_pdf(
             source.write_pdf(
                 draft,
                 attachments=files,
-                pdf_variant=f"pdf/{variant}",
+                pdf_variant=None if variant is None else f"pdf/{variant}",
+                pdf_tags=True,
                 finisher=_list_each_attachment_once,
                 cache=palette_images(styled),
             )

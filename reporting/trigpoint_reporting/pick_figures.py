@@ -26,7 +26,9 @@ from trigpoint_reporting.style import (
     metres,
     no_picks,
     not_drawn,
+    numbered,
     percent,
+    pick_labels,
     rule,
     to_svg,
 )
@@ -43,7 +45,7 @@ def leave_one_out_errors(evidence: Evidence, name: str) -> Drawing:
     if found["alignment"] is None:
         return no_picks(name)
     loocv = found["loocv"]
-    folds = _known(loocv["folds"], "d_m")
+    folds = _known(evidence, name, loocv["folds"], "d_m")
     if not len(folds):
         return not_drawn("Leave-one-out", f"{_count(found)} picks leave too few to refit")
     fit = {row["id"]: row["d_m"] for row in found["alignment"]["residuals"]}
@@ -78,7 +80,7 @@ def scale_sensitivity(evidence: Evidence, name: str) -> Drawing:
     found = evidence.results["reconstructions"][name]
     if found["alignment"] is None:
         return no_picks(name)
-    folds = _known(found["loocv"]["folds"], "scale_change_pct")
+    folds = _known(evidence, name, found["loocv"]["folds"], "scale_change_pct")
     if not len(folds):
         return not_drawn("Scale sensitivity", f"{_count(found)} picks leave too few to refit")
     folds = folds.assign(size=folds["scale_change_pct"].abs())
@@ -146,7 +148,7 @@ def pick_reliability(evidence: Evidence, name: str) -> Drawing:
     found = evidence.results["reconstructions"][name]
     if found["alignment"] is None:
         return no_picks(name)
-    table = _known(found["reliability"]["picks"], "redundancy")
+    table = _known(evidence, name, found["reliability"]["picks"], "redundancy")
     if not len(table):
         return not_drawn("Reliability", f"{_count(found)} picks leave no redundancy to judge by")
     fit = {row["id"]: row["d_m"] for row in found["alignment"]["residuals"]}
@@ -312,17 +314,18 @@ def _left_out(found: dict[str, Any]) -> str:
 def _largest(table: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:
     """Keep the rows a figure can show, in their order, and say so where some are left out."""
     if len(table) <= ROWS:
-        return table, ""
+        return table, numbered(table["label"])
     kept = table.loc[table[column].nlargest(ROWS).index.sort_values()]
-    return kept, f" The {ROWS} largest of {len(table)} are shown."
+    return kept, f" The {ROWS} largest of {len(table)} are shown.{numbered(kept['label'])}"
 
 
-def _known(rows: list[dict[str, Any]], column: str) -> pd.DataFrame:
+def _known(evidence: Evidence, name: str, rows: list[dict[str, Any]], column: str) -> pd.DataFrame:
     """Return the rows in which a column is not null, with a label for each."""
     table = pd.DataFrame(rows)
     if not len(table):
         return table
-    return table.assign(label=labels(table["id"].tolist())).dropna(subset=[column])
+    label = table["id"].map(pick_labels(evidence, name))
+    return table.assign(label=label).dropna(subset=[column])
 
 
 def _worst(table: pd.DataFrame, column: str) -> dict[str, Any]:

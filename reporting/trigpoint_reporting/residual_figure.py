@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,11 @@ from trigpoint_reporting.style import (
     TEXT_MM,
     VERMILLION,
     canvas,
-    labels,
     metres,
     no_picks,
     not_drawn,
+    numbered,
+    pick_labels,
     to_svg,
 )
 
@@ -76,6 +77,7 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
     mm, corners, total = _layout(high - low)
     bar = _round_below(ARROW * extent / factor)
     page = np.array([TEXT_MM, total])
+    named: set[int] = set()
     with canvas(total) as figure:
         figure.set_layout_engine("none")
         for (title, i, j), corner in zip(VIEWS, corners, strict=True):
@@ -84,7 +86,7 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
             axes = figure.add_axes(box, xlim=(low[i], high[i]), ylim=(low[j], high[j]))
             _arrows(axes, place[:, [i, j]], arrow[:, [i, j]], table, cut < 1)
             middles = place + arrow / 2
-            _names(axes, place[:, [i, j]], middles[:, [i, j]], table, cut < 1, mm)
+            named |= _names(axes, place[:, [i, j]], middles[:, [i, j]], table, cut < 1, mm)
             axes.set_title(title)
             axes.set_xlabel(f"{AXES[i]} \N{MINUS SIGN} {centre[i]:.0f} m")
             axes.set_ylabel(f"{AXES[j]} \N{MINUS SIGN} {centre[j]:.0f} m")
@@ -133,6 +135,8 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
         f"{name}: residuals (reference \N{MINUS SIGN} transformed), drawn {factor:g} times their "
         "size at the picks' places, all views at one scale."
         + (" A dashed arrow is cut; its length is written beside it." if (cut < 1).any() else "")
+        + _unnamed(table, named)
+        + numbered(table["label"][sorted(named)])
     )
     return Picture(f"residual-vectors-{name}", caption, alt, content, "svg")
 
@@ -150,7 +154,7 @@ def _picks(evidence: Evidence, name: str, found: dict[str, Any]) -> pd.DataFrame
     if found["checks"]["n"]:
         parts.append(evidence.table(f"checks-{name}").assign(kind="check"))
     table = pd.concat(parts, ignore_index=True)
-    return table.assign(label=labels(table["id"].tolist()))
+    return table.assign(label=table["id"].map(pick_labels(evidence, name)))
 
 
 def _arrows(
@@ -212,8 +216,12 @@ def _names(
     table: pd.DataFrame,
     cut: NDArray[np.bool_],
     mm: float,
-) -> None:
-    """Name the worst picks where there is room: on no mark, arrow or other name."""
+) -> set[int]:
+    """Name the worst picks where there is room: on no mark, arrow or other name.
+
+    Return the rows of those that are named.
+    """
+    named = set()
     taken = [(x, y, 2.4, 2.4) for x, y in mm * np.concatenate([place, middles])]
     low, high = (mm * np.array(ends) for ends in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
     # What lies beyond the panel counts as taken.
@@ -239,6 +247,7 @@ def _names(
             continue
         spot = spots[int(np.argmin(covered))]
         taken.append(spot)
+        named.add(int(row))
         axes.text(
             spot[0] / mm,
             spot[1] / mm,
@@ -248,6 +257,16 @@ def _names(
             fontsize=6.5,
             color=MARKS[table["kind"][row]][1],
         )
+    return named
+
+
+def _unnamed(table: pd.DataFrame, named: Collection[int]) -> str:
+    """Say that not every pick is named, and which are."""
+    left = len(table) - len(named)
+    if not left:
+        return ""
+    worst = f"only the {NAMED} largest are" if len(table) > NAMED else "there is no room for it"
+    return f" {left:,} of {len(table):,} picks are not named: {worst}, and the tables list all."
 
 
 def _overlap(one: Sequence[float], other: Sequence[float]) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import unicodedata
 import warnings
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from itertools import cycle
@@ -13,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 from trigpoint.errors import MissingPackageError
 from trigpoint_reporting.blocks import Passage
+from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import NOT_AVAILABLE, number_text
 
 try:
@@ -30,6 +32,7 @@ BLUE, VERMILLION, GREEN, PURPLE, ORANGE = "#0072B2", "#D55E00", "#009E73", "#CC7
 
 TEXT_MM = 170.0  # between the margins of an A4 page
 LABEL = 26  # letters of a name that fit beside an axis
+NUMBER = "no. "  # before the number of a name that can't be shown
 # Marks above this are drawn as one bitmap: as vectors they make a PDF seven times slower.
 RASTER = 500
 
@@ -105,23 +108,49 @@ def to_svg(figure: Figure) -> bytes:
 def labels(names: Sequence[str]) -> list[str]:
     """Return names as a figure can show them.
 
-    Long ones are cut. One that the figure's font can't write, or that runs from right to left,
-    is shown by its row in the table instead.
+    Long ones are cut. One that the figure's font can't write, that runs from right to left, or
+    that can't be told from another once it is cut, is shown by its number instead.
 
     Examples
     --------
     >>> labels(["roof $1", "塔", "a  very long name of some clock's corner"])
-    ['roof $1', 'row 2', 'a very long name of some …']
+    ['roof $1', 'no. 2', 'a very long name of some …']
     """
-    return [_label(" ".join(name.split()), row) for row, name in enumerate(names, start=1)]
+    shown = [_label(" ".join(name.split())) for name in names]
+    alike = Counter(shown)
+    return [
+        f"{NUMBER}{row}" if label is None or alike[label] > 1 else label
+        for row, label in enumerate(shown, start=1)
+    ]
 
 
-def _label(name: str, row: int) -> str:
+def pick_labels(evidence: Evidence, name: str) -> dict[str, str]:
+    """Return what a reconstruction's picks are called in every figure, by id.
+
+    A number is the one that the table of the picks' coordinates has.
+    """
+    found = evidence.results["reconstructions"][name]
+    if (evidence.folder / "data" / f"correspondences-{name}.csv").is_file():
+        ids = evidence.table(f"correspondences-{name}")["id"].tolist()
+    else:
+        rows = found["alignment"]["residuals"] + found["checks"]["residuals"]
+        ids = [row["id"] for row in rows]
+    return dict(zip(ids, labels(ids), strict=True))
+
+
+def numbered(shown: Iterable[str]) -> str:
+    """Return a sentence for a caption where picks are shown by their numbers."""
+    if not any(label.startswith(NUMBER) for label in shown):
+        return ""
+    return f" “{NUMBER.strip()}”: the pick's number in the table of coordinates as picked."
+
+
+def _label(name: str) -> str | None:
     backwards = any(
         unicodedata.bidirectional(letter) in ("R", "AL", "RLO", "RLE") for letter in name
     )
     if not name or backwards or not all(map(_drawable, name)):
-        return f"row {row}"
+        return None
     return name if len(name) <= LABEL else name[: LABEL - 1].rstrip() + " …"
 
 

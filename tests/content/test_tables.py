@@ -231,7 +231,7 @@ def test_coordinates_are_printed_where_the_bundle_holds_them(make_evidence):
     frame = frame.assign(id="p0", role="control", sigma_source=0.0215, sigma_target=np.nan)
     frame.to_csv(evidence.folder / "data" / "correspondences-nerf.csv", index=False)
     row = texts(table(picks(evidence, "nerf"), "coordinates").rows[0])
-    assert row[:3] == ["p0", "control", "1.5000"]
+    assert row[:4] == ["1", "p0", "control", "1.5000"]
     assert row[-2:] == ["0.0215", "not stated"]
 
 

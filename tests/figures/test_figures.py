@@ -11,6 +11,7 @@ from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.figures import OF_ALL, OF_ONE
 from trigpoint_reporting.perspective import perspective_views
+from trigpoint_reporting.style import pick_labels
 
 # The perspective needs OpenGL, and has its own tests.
 DRAWN = [each for each in OF_ALL if each is not perspective_views]
@@ -160,6 +161,24 @@ def test_icp_that_was_not_asked_for_is_said(changed):
 
     ((_, _, block),) = _of(changed(without), "icp_before_after")
     assert "does not ask for it" in text_of(block)
+
+
+def test_a_pick_has_one_number_in_every_figure_and_in_the_table_of_coordinates(evidence, tmp_path):
+    bundle = bundle_of(evidence, tmp_path / "long", 8, names="塔の角{}")
+    table = bundle.table("correspondences-nerf")
+    shown = pick_labels(bundle, "nerf")
+    assert shown == {name: f"no. {k}" for k, name in enumerate(table["id"], start=1)}
+    for wanted in ("residual_vectors", "leave_one_out_errors", "pick_reliability"):
+        ((_, _, block),) = _of(bundle, wanted)
+        assert "“no.”: the pick's number in the table" in block.caption
+
+
+def test_picks_that_are_not_named_are_counted(evidence, tmp_path):
+    ((_, _, block),) = _of(bundle_of(evidence, tmp_path / "many", 60), "residual_vectors")
+    left = int(
+        re.search(r" (\d+) of 60 picks are not named: only the 12 largest are", block.caption)[1]
+    )
+    assert left >= 48
 
 
 def test_a_change_by_icp_that_the_picks_cannot_show_is_said_beside_the_figure(changed):

@@ -10,6 +10,7 @@ from trigpoint_reporting.style import (
     lines_of,
     listed,
     metres,
+    numbered,
     percent,
     to_svg,
 )
@@ -53,11 +54,11 @@ def test_a_name_is_never_read_as_a_formula(name):
     [
         ("roof", "roof"),
         ("Älvsjö œuvre", "Älvsjö œuvre"),
-        ("塔の角", "row 1"),
-        ("ركن البرج", "row 1"),
+        ("塔の角", "no. 1"),
+        ("ركن البرج", "no. 1"),
         ("two\nlines", "two lines"),
-        ("\u202eevil", "row 1"),
-        ("", "row 1"),
+        ("\u202eevil", "no. 1"),
+        ("", "no. 1"),
         ("x" * 60, "x" * 25 + " …"),
     ],
 )
@@ -77,3 +78,11 @@ def test_numbers_have_a_true_minus_and_no_negative_zero():
     assert percent(None) == "not available"
     assert listed(["a"]) == "a"
     assert listed(["a", "b"]) == "a and b"
+
+
+def test_names_that_are_alike_once_they_are_cut_are_shown_by_their_numbers():
+    long = "the uppermost moulding of the north-eastern pinnacle, left of"
+    assert labels(["roof", long, f"{long} it"]) == ["roof", "no. 2", "no. 3"]
+    assert labels([long]) == ["the uppermost moulding of …"]
+    assert numbered(["roof"]) == ""
+    assert "number in the table of coordinates" in numbered(["roof", "no. 2"])

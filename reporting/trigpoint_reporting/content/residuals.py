@@ -124,9 +124,21 @@ def _coordinates(evidence: Evidence, name: str) -> list[Block]:
     return [
         Table(
             f"{name}: coordinates as picked",
-            ("Pick", "Role", "x", "y", "z", "Easting (m)", "Northing (m)", "Height (m)", *SIGMAS),
+            (
+                "No.",
+                "Pick",
+                "Role",
+                "x",
+                "y",
+                "z",
+                "Easting (m)",
+                "Northing (m)",
+                "Height (m)",
+                *SIGMAS,
+            ),
             [
                 (
+                    number_text(number),
                     row["id"],
                     row["role"],
                     *(derived(float(row[f"source_{axis}"]), 4) for axis in "xyz"),
@@ -134,7 +146,7 @@ def _coordinates(evidence: Evidence, name: str) -> list[Block]:
                     _sigma(row["sigma_source"], 4),
                     _sigma(row["sigma_target"], 3),
                 )
-                for row in kept.to_dict(orient="records")
+                for number, row in enumerate(kept.to_dict(orient="records"), start=1)
             ],
             (
                 "x, y, z: in the reconstruction's own frame and units. σ: of the pick, per axis; "
