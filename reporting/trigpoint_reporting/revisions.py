@@ -63,7 +63,7 @@ def compare_results(before: Mapping[str, Any], after: Mapping[str, Any]) -> list
     >>> [(row["path"], row["kind"]) for row in compare_results(old, new)]
     [('rmse_m', 'changed'), ('picks[a].d_m', 'removed'), ('picks[b].d_m', 'added')]
     """
-    old, new = dict(_leaves(before)), dict(_leaves(after))
+    old, new = leaves(before), leaves(after)
     rows = []
     for path in dict.fromkeys([*old, *new]):
         kind = "added" if path not in old else "removed" if path not in new else "changed"
@@ -71,6 +71,35 @@ def compare_results(before: Mapping[str, Any], after: Mapping[str, Any]) -> list
             values = {"before": old.get(path), "after": new.get(path)}
             rows.append({"path": path, "kind": kind, **values})
     return rows
+
+
+def leaves(results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return every value of results by its path, as lists of changes write it.
+
+    Examples
+    --------
+    >>> leaves({"picks": [{"id": "a", "d_m": 0.1}], "mean_m": [1, 2]})
+    {'picks[a].d_m': 0.1, 'mean_m[0]': 1, 'mean_m[1]': 2}
+    """
+    return dict(_leaves(results))
+
+
+def leaves_before(after: Mapping[str, Any], changes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return every value of the results before, from those after and the list of changes.
+
+    Examples
+    --------
+    >>> old, new = {"n": 5, "rmse_m": 0.2}, {"rmse_m": 0.1, "dof": 8}
+    >>> leaves_before(new, compare_results(old, new)) == leaves(old)
+    True
+    """
+    found = leaves(after)
+    for row in changes:
+        if row["kind"] == "added":
+            found.pop(row["path"], None)
+        else:
+            found[row["path"]] = row["before"]
+    return found
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

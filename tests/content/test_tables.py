@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from trigpoint.canonical import to_json
 from trigpoint.criteria import schema
 from trigpoint_reporting.blocks import Passage, Table, Value
 from trigpoint_reporting.content.conduct import method
@@ -480,17 +479,3 @@ def test_the_coordinate_reference_says_what_it_does_not_say(make_evidence):
         assert part in words
     none = coordinate_reference(make_evidence("hollow"))
     assert "There is no coordinate reference" in told(none)
-
-
-def test_changes_of_a_revision_are_listed(make_evidence):
-    evidence = make_evidence("paper")
-    assert "This is the first revision." in told(provenance(evidence))
-    path = "reconstructions.nerf.alignment.rmse_m"
-    change = {"path": path, "kind": "changed", "before": 0.14161, "after": None}
-    stored = {"against": "tower-r1", "changes": [change]}
-    changes = evidence.folder / "data" / "changes.json"
-    changes.write_text(to_json(stored), "utf-8")
-    row = texts(table(provenance(evidence), "changed since tower-r1").rows[0])
-    assert row == [path, "changed", "0.142", "\N{EN DASH}"]
-    changes.write_text(to_json({"against": None, "changes": []}), "utf-8")
-    assert "changes are not known" in told(provenance(evidence))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
+from collections.abc import Iterator
 
-from trigpoint_reporting.blocks import Block, Cell, Passage, Table
-from trigpoint_reporting.content.residuals import MOST
+from trigpoint_reporting.blocks import Block, Cell, Table
+from trigpoint_reporting.content.changes import changes
 from trigpoint_reporting.evidence import Evidence
-from trigpoint_reporting.numbers import Numbers, declared_digits, number_text
+from trigpoint_reporting.numbers import Numbers
+
+# What the report is made with; the numbers do not depend on it.
+STACK = ("nbconvert", "jinja2", "matplotlib", "pyvista", "vtk", "weasyprint")
 
 
 def provenance(evidence: Evidence) -> list[Block]:
@@ -19,10 +21,14 @@ def provenance(evidence: Evidence) -> list[Block]:
         Table(
             "Software and platform",
             ("Component", "Version"),
-            [(name, part.value()) for name, part in numbers.items("environment")],
+            [
+                *((name, part.value()) for name, part in numbers.items("environment")),
+                *_stack(evidence),
+            ],
             (
                 "Every package, pinned: env/requirements.lock. No time, user name, host or path "
-                "of a machine is recorded: the same inputs and versions give the same bytes.",
+                "of a machine is recorded: the same inputs and versions give the same bytes. "
+                "Source in git is known where trigpoint runs from its own checkout.",
             ),
         ),
         Table(
@@ -42,42 +48,16 @@ def provenance(evidence: Evidence) -> list[Block]:
                 "inputs lie; they are known by their SHA-256.",
             ),
         ),
-        *_changes(evidence),
+        *changes(evidence),
     ]
 
 
-def _changes(evidence: Evidence) -> list[Block]:
-    path = evidence.folder / "data" / "changes.json"
-    revision = evidence.results["project"]["revision"]
-    if not path.is_file():
-        first = "This is the first revision." if revision <= 1 else "No record of changes is here."
-        return [Passage((first,), "note")]
-    stored = json.loads(path.read_text("utf-8"))
-    if stored["against"] is None:
-        return [
-            Passage(("No earlier revision lay beside this one: changes are not known.",), "warning")
-        ]
-    rows = stored["changes"]
-    if not rows:
-        return [Passage((f"Nothing differs from {stored['against']}.",))]
-    left = "" if len(rows) <= MOST else f" The first {MOST}; all: data/changes.json."
-    return [
-        Table(
-            f"What changed since {stored['against']}",
-            ("Where", "Kind", "Before", "After"),
-            [
-                (row["path"], row["kind"], _told(row, "before"), _told(row, "after"))
-                for row in rows[:MOST]
-            ],
-            (f"{number_text(len(rows))} values of data/results.json differ.{left}",),
-        )
-    ]
-
-
-def _told(row: dict[str, Any], key: str) -> Cell:
-    value = row[key]
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int | float):
-        return number_text(value, declared_digits(row["path"]))
-    return "\N{EN DASH}" if value is None else str(value)
+def _stack(evidence: Evidence) -> Iterator[tuple[Cell, Cell]]:
+    """Yield what drew and set the report, as the bundle's lock has it, and where the source was."""
+    lock = evidence.folder / "env" / "requirements.lock"
+    if lock.is_file():
+        pins = dict(line.partition("==")[::2] for line in lock.read_text("utf-8").splitlines())
+        yield from ((name, pins[name]) for name in STACK if name in pins)
+    source = evidence.folder / "env" / "source.txt"
+    if source.is_file():
+        yield "source in git", source.read_text("utf-8").strip()
