@@ -11,7 +11,7 @@ pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc
 pytest.importorskip("pyvista", reason="the panel's packages are not installed")
 
 from qtpy.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
-from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics
+from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics, QTextDocument
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QToolButton
 
@@ -440,6 +440,17 @@ def test_the_places_to_pick_next_are_missing_for_a_reason(panel):
     panel.model.delete({"P1", "P2", "P3", "P4"})
     feed(panel)
     assert said.text() == "Known once the reference is open."
+
+
+def test_a_name_from_right_to_left_does_not_turn_the_state_line(panel):
+    feed(panel)
+    panel.model.rename("P4", "דגל 4")
+    panel.model.reopen("דגל 4", "target")
+    said = panel.foot.line.text()
+    assert "דגל 4" in said
+    documents = [QTextDocument(text) for text in (said, "דגל 4: click")]  # to outlive their blocks
+    ways = [document.firstBlock().textDirection() for document in documents]
+    assert ways == [Qt.LayoutDirection.LeftToRight, Qt.LayoutDirection.RightToLeft]
 
 
 def test_a_sound_layout_is_not_green_beside_a_suspect(panel):
