@@ -205,7 +205,7 @@ def test_a_long_table_repeats_its_head_and_loses_no_row(twice):
 
 def test_the_numbers_were_counted_again(twice):
     html = (twice[0] / "report.html").read_text("utf-8")
-    assert "Numbers recomputed in this notebook" in html
+    assert "Numbers recomputed from the stored tables" in html
 
 
 def test_without_the_libraries_the_html_is_whole_and_says_what_to_install(

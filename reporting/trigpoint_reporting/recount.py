@@ -24,7 +24,7 @@ def recount(evidence: Evidence) -> Table:
                 raise AssertionError(f"{name}, {what}: {stored} is stored, {again} recomputed")  # noqa: EM102
             found.setdefault(what, {})[name] = f"{sum(agree)} of {len(pairs)}"
     return Table(
-        "Numbers recomputed in this notebook from the stored tables and distances",
+        "Numbers recomputed from the stored tables and distances",
         ("Quantity", *(f"{name}: agree" for name in evidence.names)),
         [
             (what, *(told.get(name, "\N{EN DASH}") for name in evidence.names))

@@ -102,7 +102,8 @@ def verdict(evidence: Evidence) -> Passage:
     parts: list[Cell] = [f"{told.sign} ", Value(results["verdict"], "verdict"), ": ", told.sentence]
     if results["verdict"] == "CONDITIONAL":
         codes = dict.fromkeys(each["code"] for each in results["warnings"])
-        parts.append(f"{', '.join(code for code in codes if code in PRECONDITIONS)}.")
+        doubts = [code.replace("_", " ") for code in codes if code in PRECONDITIONS]
+        parts.append(f"{', '.join(doubts)}.")
     elif results["verdict"] == "FAIL":
         unmet = sum(not row["met"] for row in results["criteria"])
         parts.append(f"{unmet} of {len(results['criteria'])} fail.")

@@ -405,6 +405,21 @@ def test_what_lies_outside_its_own_interval_says_why_and_nothing_else_does(make_
     assert "from which an error of a pose has moved the one measured" in told(paired(evidence))
 
 
+def test_a_small_limit_is_printed_without_an_exponent(with_limits):
+    evidence = with_limits(("alignment.rmse_m", 4e-07, 0.1), verdict="FAIL")
+    assert "max 0.0000004" in texts(table(result(evidence), "Criteria").rows[0])
+    evidence = with_limits(("alignment.rmse_m", 0.25, 0.1), verdict="PASS")
+    assert "max 0.25" in texts(table(result(evidence), "Criteria").rows[0])
+
+
+def test_a_number_below_zero_in_a_warning_has_a_true_minus_and_a_name_its_hyphen(make_evidence):
+    evidence = make_evidence("paper")
+    message = "height effect -28.5 ppm at pick -5 of course-2"
+    evidence.results["warnings"] = [{"code": "grid_scale", "message": message}]
+    words = told(limitations(evidence))
+    assert "height effect \N{MINUS SIGN}28.5 ppm at pick -5 of course-2" in words
+
+
 def test_warnings_of_one_code_are_one_row(make_evidence):
     evidence = make_evidence("paper")
     evidence.results["warnings"] = [

@@ -95,7 +95,7 @@ def test_each_verdict_has_its_own_word_sign_and_tone(with_limits):
 
 def test_conditional_names_what_is_in_doubt(make_evidence):
     told = to_text(wording.verdict(make_evidence("full")))
-    assert told.endswith("in doubt: vertical_datum_unknown.")
+    assert told.endswith("in doubt: vertical datum unknown.")
 
 
 def test_fail_counts_the_limits_that_are_not_met(with_limits):

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 from trigpoint_reporting.blocks import Block, Passage, Table
 from trigpoint_reporting.evidence import Evidence
+from trigpoint_reporting.numbers import MINUS
+
+# Of a number with its unit: the hyphen of a name is the name's.
+MINUS_SIGN = re.compile(r"(?<=[ (])-(?=[\d.]+ (ppm|mm|m)\b)")
 
 
 def limitations(evidence: Evidence) -> list[Block]:
@@ -24,7 +30,7 @@ def limitations(evidence: Evidence) -> list[Block]:
         Table(
             "Warnings",
             ("Code", "What was found"),
-            [(code, " ".join(messages)) for code, messages in warnings.items()],
+            [(code, MINUS_SIGN.sub(MINUS, " ".join(said))) for code, said in warnings.items()],
             ("Codes are a fixed vocabulary. A warning stops nothing: it says what is in doubt.",),
         ),
     ]

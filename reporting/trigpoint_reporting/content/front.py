@@ -89,11 +89,18 @@ def _judged(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
             wording.quantity_label(row["quantity"]),
             row["of"],
             row["source"] or NOT_STATED,
-            row.value("limit"),
+            _limit(row),
             found,
             _margin(row, declared_digits(found.path)),
             "✓ met" if row["met"] else "✗ not met",
         )
+
+
+def _limit(row: Numbers) -> Value:
+    """Print a limit without an exponent; as it is stored, where it has none."""
+    word, _, bound = row["limit"].partition(" ")
+    stored = row.value("limit")
+    return Value(f"{word} {number_text(float(bound))}") if "e" in bound else stored
 
 
 def _reported(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
