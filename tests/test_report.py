@@ -203,3 +203,63 @@ def test_an_output_that_can_not_be_written_is_one_line(small_project, tmp_path):
     assert code == 2
     assert "Traceback" not in err
     assert str(tmp_path / "file") in err.splitlines()[-1]
+
+
+def changed(folder, tmp_path, *changes):
+    """Copy a bundle, change text in its files, and seal it again: what a forger would do."""
+    from trigpoint_reporting.sealing import seal
+
+    copy = tmp_path / folder.name
+    shutil.copytree(folder, copy)
+    for name, before, after in changes:
+        path = copy / name
+        text = path.read_text("utf-8")
+        assert before in text
+        path.write_text(text.replace(before, after), "utf-8")
+    seal(copy)
+    return copy
+
+
+FORGED = {
+    "a style": (
+        ("report.html", "</head>", "<style>.passage.fail{font-size:0}</style></head>"),
+        "report.html is what audit.ipynb makes",
+    ),
+    "a script": (
+        ("report.html", "</body>", "<script>document.title = 'PASS'</script></body>"),
+        "report.html is what audit.ipynb makes",
+    ),
+    "a cell": (
+        ("audit.ipynb", "show(recount(evidence))", "print('all is well')"),
+        "audit.ipynb: the source of recount-table",
+    ),
+    "the script": (
+        ("audit.py", "show(recount(evidence))", "print('all is well')"),
+        "audit.py is audit.ipynb",
+    ),
+}
+
+
+@pytest.mark.parametrize("forged", FORGED)
+def test_what_is_forged_around_the_numbers_is_named(twice, tmp_path, forged):
+    from trigpoint_reporting.verification import verify
+
+    assert verify(twice[0]).holds
+    change, named = FORGED[forged]
+    found = verify(changed(twice[0], tmp_path, change))
+    assert named in [row.quantity for row in found.report.differences]
+
+
+def test_words_that_were_changed_in_every_copy_are_named_when_the_report_is_made_again(
+    twice, tmp_path
+):
+    from trigpoint_reporting.verification import verify
+
+    inputs = twice[0].parents[1]
+    assert verify(twice[0], inputs=inputs, again=True).report.differences == []
+    words = "leave-one-out is internal validation"
+    changes = [(name, words, "leave-one-out is proof") for name in ("audit.ipynb", "report.html")]
+    copy = changed(twice[0], tmp_path, *changes)
+    found = verify(copy, inputs=inputs, again=True)
+    named = [row.quantity for row in found.report.differences]
+    assert any(re.fullmatch(r"audit\.ipynb: what .* shows, run again", each) for each in named)

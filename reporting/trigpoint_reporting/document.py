@@ -98,8 +98,7 @@ def write_report(
     write_text(folder / SCRIPT, to_percent(notebook))
     _write_figures(folder / "figures", notebook)
     say("writing report.html")
-    exporter = AuditExporter()  # type: ignore[no-untyped-call]
-    html, _ = exporter.from_notebook_node(notebook, {"metadata": {"path": str(folder)}})
+    html = to_html(notebook, folder)
     write_text(folder / HTML, html)
     (folder / PDF).unlink(missing_ok=True)
     if pdf is None:
@@ -125,6 +124,13 @@ def write_report(
     except MissingPackageError as error:
         return (Caution("pdf_not_made", f"{HTML} is whole, but there is no {PDF}. {error}"),)
     return cautions
+
+
+def to_html(notebook: NotebookNode, folder: Path) -> str:
+    """Return an executed notebook as the page that belongs into a bundle."""
+    exporter = AuditExporter()  # type: ignore[no-untyped-call]
+    html, _ = exporter.from_notebook_node(notebook, {"metadata": {"path": str(folder)}})
+    return str(html)
 
 
 def _write_figures(folder: Path, notebook: NotebookNode) -> None:

@@ -18,10 +18,15 @@ from trigpoint_reporting.checkout import source_state
 
 def write_lock(folder: Path) -> None:
     """Write ``requirements.lock``, for `pip install -r`, ``platform.json`` and ``source.txt``."""
-    pins = installed_requirements("trigpoint", extras=("reporting",))
-    write_text(folder / "requirements.lock", "".join(f"{name}=={pins[name]}\n" for name in pins))
+    write_text(folder / "requirements.lock", lock_text())
     write_text(folder / "platform.json", to_json(_platform()))
     write_text(folder / "source.txt", f"{source_state()}\n")
+
+
+def lock_text() -> str:
+    """Return what is installed here of what reports need, one package a line."""
+    pins = installed_requirements("trigpoint", extras=("reporting",))
+    return "".join(f"{name}=={pins[name]}\n" for name in pins)
 
 
 def installed_requirements(name: str, *, extras: tuple[str, ...] = ()) -> dict[str, str]:

@@ -16,6 +16,8 @@ from trigpoint_reporting.sealing import verifier_source
 from trigpoint_reporting.unpacking import opened
 from trigpoint_reporting.verifier import verify as verifier
 
+REPORT = ("audit.ipynb", "audit.py", "report.html", "report.pdf")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Verification:
@@ -48,6 +50,7 @@ class Verification:
             "bundle": self.bundle,
             "verified": self.holds,
             "record_sha256": self.report.record,
+            "manifest_sha256": self.report.manifest,
             "checks": len(rows),
             "held": len(rows) - len(self.report.differences),
             "differences": [asdict(row) for row in self.report.differences],
@@ -114,6 +117,7 @@ def verify(
             raise BundleError(message) from error
         results = json.loads((folder / "data" / "results.json").read_text("utf-8"))
         _compare_verifiers(report, folder, results)
+        _check_page(report, folder, results)
         if inputs is None:
             if again:
                 message = "Running the audit again needs its inputs: --inputs says where they lie."
@@ -129,8 +133,60 @@ def verify(
                 each["found"],
             )
         report.notes.extend(f"{stated} is not at hand and was not compared." for stated in missing)
-        run = rerun(folder, results, found, say=say) if again and not other else None
+        if not again or other:
+            return Verification(path.name, report)
+        run = rerun(folder, results, found, say=say)
+        _check_report(report, folder, results, say)
         return Verification(path.name, report, run)
+
+
+def _check_page(report: verifier.Report, folder: Path, results: dict[str, Any]) -> None:
+    """Compare the page with the notebook, as far as there are both and this trigpoint made them."""
+    missing = [name for name in REPORT if not (folder / name).is_file()]
+    if missing == list(REPORT):
+        report.notes.append("The bundle holds no report.")
+        return
+    for name in missing:
+        if name == "report.pdf":
+            report.notes.append("The bundle holds no report.pdf.")
+        else:
+            report.holds(f"{name} is in the bundle", False)
+    if set(missing) <= {"report.pdf"} and _made_here(report, results):
+        from trigpoint_reporting.remade import check_page
+
+        verifier.attempt(report, "report.html", lambda: check_page(report, folder))
+
+
+def _check_report(
+    report: verifier.Report,
+    folder: Path,
+    results: dict[str, Any],
+    say: Callable[[str], None],
+) -> None:
+    if (folder / "audit.ipynb").is_file() and _made_here(report, results):
+        from trigpoint_reporting.remade import check_report
+
+        verifier.attempt(
+            report, "the report, made again", lambda: check_report(report, folder, say=say)
+        )
+
+
+def _made_here(report: verifier.Report, results: dict[str, Any]) -> bool:
+    """Say whether the report can be compared with what is made here; note why not."""
+    made_by = str(results.get("environment", {}).get("trigpoint"))
+    why = ""
+    if made_by != trigpoint.__version__:
+        why = f"it was made by trigpoint {made_by}, and this is {trigpoint.__version__}"
+    else:
+        try:
+            import trigpoint_reporting.remade  # noqa: F401
+        except ImportError as error:
+            why = f"what makes reports is not installed here ({error})"
+    if why:
+        note = f"The report was not compared with what trigpoint makes: {why}."
+        if note not in report.notes:
+            report.notes.append(note)
+    return not why
 
 
 def _compare_verifiers(report: verifier.Report, folder: Path, results: dict[str, Any]) -> None:

@@ -7,8 +7,9 @@ nothing else. Exit code 0: everything holds. 1: something differs, and is named.
 bundle that can be checked.
 
 What holds shows that the bundle agrees with itself: with its hashes, and its numbers with the
-picks and distances in it. It does not show who made it; for that, compare the record's hash that
-it prints with the one in an issued report, or check a signature. Without Python,
+picks and distances in it. It does not show who made it; for that, compare the hashes that it
+prints with ones kept elsewhere: the record's with the one in an issued report, the manifest's,
+which covers the report too, with one noted when it was issued. Without Python,
 `sha256sum -c manifest-sha256.txt` checks the hashes.
 """
 
@@ -55,7 +56,8 @@ NOT_RECOMPUTED = {
     "floor_rmse_m, raw_pct": "measured on points before thinning, which the bundle does not hold",
     "reliability.zones, next_picks, geometry": "they need the reference cloud",
     "crs, inputs' points and extents": "read from the inputs' headers",
-    "clouds/, figures/, the pages of report.pdf": "derived; only what the PDF embeds is compared",
+    "clouds/, figures/, the pages of report.pdf": "derived; of the PDF what it embeds is "
+    "compared, and the whole report is made again by trigpoint verify --again",
 }
 
 
@@ -79,10 +81,11 @@ class Row:
 
 @dataclass
 class Report:
-    """Every comparison, in order, and the bundle's record hash."""
+    """Every comparison, in order, and the hashes of the bundle's record and manifest."""
 
     rows: list[Row] = field(default_factory=list)
     record: str = ""
+    manifest: str = ""
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -1514,6 +1517,7 @@ def check_hashes(report: Report, folder: Path) -> dict[str, str]:
             for path in sorted(set(hashes) - set(listed) - {name}):
                 report.holds(f"{name}: {path} is listed", False)
     report.record = hashes["record-sha256.txt"]
+    report.manifest = sha256(folder / "manifest-sha256.txt")
     return hashes
 
 
@@ -1619,7 +1623,7 @@ def summary(report: Report, *, table: bool = False) -> str:
     lines += [f"note: {note}" for note in report.notes]
     lines.append("hashed, not recomputed:")
     lines += [f"  {what}: {why}" for what, why in NOT_RECOMPUTED.items()]
-    lines.append(f"record {report.record}")
+    lines += [f"record {report.record}", f"manifest {report.manifest}"]
     held = len(report.rows) - len(differences)
     lines.append(f"{held} of {len(report.rows)} checks hold; {len(differences)} differ.")
     return "\n".join(lines) + "\n"
