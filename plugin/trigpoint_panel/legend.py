@@ -15,15 +15,16 @@ class LegendCard(QtWidgets.QWidget):
     def __init__(self, parent: QtWidgets.QWidget) -> None:
         super().__init__(parent)
         self._legend: Legend | None = None
+        self._note = ""
         self.setAttribute(QtCore.Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
 
-    def show_legend(self, legend: Legend | None) -> None:
-        """Show a legend, or nothing."""
-        self._legend = legend
-        self.setVisible(legend is not None)
-        if legend is not None:
-            self.setAccessibleName(_words(legend))
+    def show_legend(self, legend: Legend | None, note: str = "") -> None:
+        """Show a legend and a line that says what else to know; nothing without both."""
+        self._legend, self._note = (Legend("") if note and legend is None else legend), note
+        self.setVisible(self._legend is not None)
+        if self._legend is not None:
+            self.setAccessibleName(" ".join(filter(None, (_words(self._legend), note))))
             self.resize(self.sizeHint())
             self.update()
 
@@ -35,9 +36,11 @@ class LegendCard(QtWidgets.QWidget):
         line = self.fontMetrics().height() + 3
         names = [legend.title, *(name for _, name in legend.swatches)]
         widest = max(self.fontMetrics().horizontalAdvance(name) for name in names)
+        widest = max(widest, self.fontMetrics().horizontalAdvance(self._note) - BAR - 6)
         ends = self.fontMetrics().horizontalAdvance(legend.low + legend.high) + 20
         width = max(WIDE if legend.ramp else 0, widest + BAR + 6, ends) + 2 * PAD
-        height = line * (1 + len(legend.swatches)) + (BAR + line if legend.ramp else 0)
+        heads = bool(legend.title) + bool(self._note)
+        height = line * (heads + len(legend.swatches)) + (BAR + line if legend.ramp else 0)
         return QtCore.QSize(width, height + 2 * PAD - 3)
 
     def paintEvent(self, event: QtGui.QPaintEvent) -> None:
@@ -57,8 +60,9 @@ class LegendCard(QtWidgets.QWidget):
         line = self.fontMetrics().height() + 3
         wide, top = self.width() - 2 * PAD, PAD
         left = QtCore.Qt.AlignmentFlag.AlignLeft
-        painter.drawText(QtCore.QRect(PAD, top, wide, line), left, legend.title)
-        top += line
+        for head in filter(None, (self._note, legend.title)):
+            painter.drawText(QtCore.QRect(PAD, top, wide, line), left, head)
+            top += line
         if legend.ramp:
             self._paint_ramp(painter, legend, QtCore.QRect(PAD, top, wide, BAR))
             top += BAR + 2

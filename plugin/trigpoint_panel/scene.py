@@ -1,8 +1,7 @@
-"""What one view shows, without Qt: a cloud, its colours, markers, an overlay and a camera."""
+"""What one view shows, without Qt: a cloud, its colours, an overlay and a camera."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from trigpoint_panel.camera import CORNER, Camera, Face, Position, camera_from
 from trigpoint_panel.colouring import ColourMode, Colours, Legend, coloured, modes_of
 from trigpoint_panel.framing import extent_of, framed
 from trigpoint_panel.layer import Layer
-from trigpoint_panel.marks import Marker, Marks
 from trigpoint_panel.motion import Motion
 from trigpoint_panel.overlay import Overlay
 from trigpoint_panel.pace import FIRST
@@ -24,6 +22,8 @@ from trigpoint_reporting.elevations import LIMIT_M
 
 # Width of the points in pixels; near to the cloud they grow up to GROWTH times, to stay a surface.
 POINT, GROWTH = 3.0, 3.0
+# Points that tell what the cloud hides.
+TELLING = 500_000
 LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
 
 
@@ -66,8 +66,6 @@ class Scene:
         self._layer: Layer | None = None
         self._overlay = Overlay()
         self._motion = Motion(self._layers, coarse)
-        self._markers: tuple[Marker, ...] = ()
-        self._marks: Marks | None = None
         self._plotter: Any = None
         self._ratio, self._drawn, self._dark = 1.0, POINT, False
         self._up: Position = (0.0, 0.0, 1.0)
@@ -80,13 +78,11 @@ class Scene:
         self.detach()
         self._plotter, self._ratio = plotter, ratio
         plotter.suppress_rendering = True
-        self._marks = Marks(self.renderer, ratio)
         for layer in self._layers():
             layer.show_in(self.renderer)
         self._motion.attach(self.renderer)
         self.set_point_size(self.point_size)
         self.set_dark(self._dark)
-        self._draw_markers()
         self._aim()
 
     def detach(self) -> None:
@@ -94,11 +90,14 @@ class Scene:
         if self._plotter is None:
             return
         self._motion.detach()
-        if self._marks is not None:
-            self._marks.close()
         for layer in self._layers():
             layer.leave(self.renderer)
-        self._plotter = self._marks = None
+        self._plotter = None
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether there is a plotter."""
+        return self._plotter is not None
 
     @property
     def renderer(self) -> Any:
@@ -127,7 +126,7 @@ class Scene:
             layer.leave(self.renderer)
 
     def add_renderer(self, renderer: Any, *, wider: float = 1.0) -> None:
-        """Let another renderer draw the clouds too, with wider points and without markers."""
+        """Let another renderer draw the clouds too, with wider points."""
         for layer in self._layers():
             layer.show_in(renderer, wider=wider)
 
@@ -153,7 +152,6 @@ class Scene:
         self._paint(modes_of(cloud)[0])
         self._draw_layer()
         self._place_overlay()
-        self._draw_markers()
         self.fit()
 
     @property
@@ -297,16 +295,6 @@ class Scene:
         """Whether less is drawn than there is, since the view moves."""
         return self._motion.is_thinned
 
-    def set_markers(self, markers: Sequence[Marker]) -> None:
-        """Show these markers in place of those before."""
-        self._markers = tuple(markers)
-        self._draw_markers()
-
-    def _draw_markers(self) -> None:
-        if self._marks is not None:
-            self._marks.draw(self._markers, self.origin)
-            self._marks.arrange(self._sight())
-
     # The camera
 
     @property
@@ -354,7 +342,7 @@ class Scene:
             self.camera = framed(self._camera, self._shown.local, self.origin, self.size)
 
     def resized(self) -> None:
-        """Arrange the labels anew, for a picture of another size."""
+        """Take note that the picture has another size."""
         self._aim()
 
     def _aim(self) -> None:
@@ -363,8 +351,6 @@ class Scene:
         aim(self.renderer.GetActiveCamera(), self._camera, self.origin)
         self._resize_points()
         self.renderer.ResetCameraClippingRange()
-        if self._marks is not None:
-            self._marks.arrange(self._sight())
 
     # Pixels
 
@@ -389,6 +375,22 @@ class Scene:
         places = np.asarray(xyz, np.float64)
         pixels = self._sight().project(np.atleast_2d(places) - self.origin)
         return pixels if places.ndim == 2 else pixels[0]
+
+    def is_ahead(self, xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which absolute places, shape (n, 3), are not behind the camera."""
+        return self._sight().is_ahead(xyz - self.origin)
+
+    def is_hidden(self, xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which absolute places, shape (n, 3), have the cloud in front of them.
+
+        Of a large cloud, a share of the points tells.
+        """
+        if self._shown is None or self._plotter is None or not self._overlay.shows_own:
+            return np.zeros(len(xyz), np.bool_)
+        columns = self._shown.columns
+        step = max(1, columns.shape[1] // TELLING)
+        reach = max(self._drawn / 2, 3.0 * self._ratio)
+        return self._sight().is_hidden(columns[:, ::step], xyz - self.origin, reach=reach)
 
     def pixel_at(self, row: int) -> float:
         """Return the size of a pixel, scaled as the picture is, at a point: in its units."""

@@ -14,6 +14,9 @@ from trigpoint_panel.camera import Camera
 BLOCK = 2**17
 # How deep a picked surface may be, in tolerances: it may slope away by some 70 degrees.
 SLOPE = 3.0
+# A place is hidden by this many points or more, so many pixels' worth before it: one stray, or the
+# slope of the surface that it is on, hide nothing.
+HIDERS, BEFORE = 2, 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +94,33 @@ class Sight:
         behind = SLOPE * reach * self.pixel(front)
         surface = np.flatnonzero((deep >= front) & (deep <= front + behind))
         return int(rows[surface[np.argmin(away[surface])]])
+
+    def is_hidden(
+        self, columns: NDArray[np.float32], local: NDArray[np.float64], *, reach: float
+    ) -> NDArray[np.bool_]:
+        """Return which local places, shape (n, 3), have points before them.
+
+        Parameters
+        ----------
+        columns : ndarray of shape (3, m)
+            The points, by axes.
+        local : ndarray of shape (n, 3)
+        reach : float
+            Device pixels around a place in which a point stands before it.
+        """
+        ahead = np.subtract(self.camera.focal_point, self.camera.position)
+        ahead /= np.linalg.norm(ahead)
+        start = float(ahead @ (self.origin - self.camera.position))
+        deep = ahead.astype(np.float32) @ columns + np.float32(start)
+        turn, shift = self.matrix[:, :3].astype(np.float32), self.matrix[:, 3].astype(np.float32)
+        weight = turn[3] @ columns + shift[3]
+        x, y = (((turn[k] @ columns + shift[k]) / weight + 1) / 2 * self.size[k] for k in range(2))
+        hidden = []
+        for (left, bottom), far in zip(self.project(local), self.depth(local), strict=True):
+            before = (deep > 0) & (deep < far - BEFORE * self.pixel(float(far)))
+            rows = np.flatnonzero(before & (np.abs(x - left) <= reach))
+            hidden.append(int((np.abs(y[rows] - bottom) <= reach).sum()) >= HIDERS)
+        return np.array(hidden, np.bool_)
 
     def _near_ray(
         self, columns: NDArray[np.float32], x: float, y: float, reach: float

@@ -1,4 +1,4 @@
-"""Stage: where a view's canvas stands, a prompt while it is empty, a legend in its corner."""
+"""Stage: a view's canvas, the marks over it, a legend in a corner, a prompt while it is empty."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from qtpy import QtCore, QtGui, QtWidgets
 
 from trigpoint_panel.canvas import Canvas, CanvasKind, make_canvas
 from trigpoint_panel.legend import LegendCard
+from trigpoint_panel.marklayer import MarkLayer
 from trigpoint_panel.scene import Scene
 
 # Milliseconds that an OpenGL widget has until it must have a context.
 PATIENCE = 1000
+# Where the legend may stand, the best first: from the left, and from the top.
+CORNERS = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
 class Stage(QtWidgets.QWidget):
@@ -22,6 +25,7 @@ class Stage(QtWidgets.QWidget):
     canvas : Canvas or None
     ratio : float
         Device pixels per pixel of the canvas.
+    marks : MarkLayer
     legend : LegendCard
 
     Signals
@@ -48,7 +52,10 @@ class Stage(QtWidgets.QWidget):
         self._prompt.setAlignment(QtCore.Qt.AlignmentFlag.AlignCenter)
         self._prompt.setWordWrap(True)
         self._prompt.setMargin(24)
+        self.marks = MarkLayer(scene, self)
+        self.marks.hide()
         self.legend = LegendCard(self)
+        self._corner = CORNERS[0]
         self._opener = self._timer(0, self._make_canvas)
         self._patience = self._timer(PATIENCE, self._check_canvas)
 
@@ -62,6 +69,7 @@ class Stage(QtWidgets.QWidget):
         self._prompt.setVisible(not on)
         if self.canvas is not None:
             self.canvas.setVisible(on)
+            self.marks.setVisible(on)
             self._patience.start()
         self.lay_out()
 
@@ -77,8 +85,44 @@ class Stage(QtWidgets.QWidget):
                 # The window has moved to a screen of another density.
                 self.ratio = self.devicePixelRatioF()
                 self._scene.attach(self.canvas.plotter, ratio=self.ratio)
-        self.legend.move(8, area.height() - self.legend.height() - 8)
+        self.marks.setGeometry(area)
+        self.marks.raise_()
+        self._place_legend()
         self.legend.raise_()
+
+    def refresh(self) -> None:
+        """Draw a new picture, once for all that changes before Qt paints next."""
+        if self.canvas is not None:
+            self.canvas.refresh()
+            self.marks.update()
+
+    def settle(self) -> bool:
+        """Look anew at what hides what, once the view rests; tell whether that has changed."""
+        if not self._scene.is_drawn:
+            return False
+        before = self.legend.pos()
+        self._place_legend()
+        return self.marks.look() or self.legend.pos() != before
+
+    def _place_legend(self) -> None:
+        """Put the legend where it covers the fewest marks, and keep the labels away from it."""
+        if self._scene.is_drawn:
+            reach = QtCore.QMargins(8, 8, 8, 8)
+            pixels = [QtCore.QPoint(round(x), round(y)) for x, y in self.marks.pixels()]
+
+            def covered(corner: tuple[int, int]) -> tuple[int, bool]:
+                card = self._card(corner).marginsAdded(reach)
+                return sum(card.contains(pixel) for pixel in pixels), corner != self._corner
+
+            self._corner = min(CORNERS, key=covered)
+        self.legend.move(self._card(self._corner).topLeft())
+        # Not yet shown itself, it is told apart from one that has nothing to show.
+        self.marks.keep_clear(None if self.legend.isHidden() else self.legend.geometry())
+
+    def _card(self, corner: tuple[int, int]) -> QtCore.QRect:
+        room = self.size() - self.legend.size() - QtCore.QSize(16, 16)
+        at = QtCore.QPoint(8 + corner[0] * room.width(), 8 + corner[1] * room.height())
+        return QtCore.QRect(at, self.legend.size())
 
     def shutdown(self) -> None:
         """Stop timers and free what VTK holds."""
@@ -113,6 +157,8 @@ class Stage(QtWidgets.QWidget):
         self.canvas.setVisible(self._is_filled)
         self.lay_out()
         self._scene.attach(self.canvas.plotter, ratio=self.ratio)
+        self.marks.setVisible(self._is_filled)
+        self.settle()
         self.made.emit()
         self._patience.start()
 
@@ -129,6 +175,7 @@ class Stage(QtWidgets.QWidget):
         if self.canvas is None:
             return
         self.dropped.emit()
+        self.marks.hide()
         self._scene.detach()
         self.canvas.release()
         self.canvas.hide()

@@ -39,6 +39,9 @@ TURN, WHEEL = 180.0, 1.15
 FRAME = 2
 # Height of what is seen where the view has flown to, as a share of what it is where all is seen.
 NEAR = 0.2
+# The same where one is to recognise the place; and the turns from which it may be free to be seen.
+AROUND = 0.7
+TURNS = tuple((side, up) for up in (0, 30) for side in (0, 45, -45, 90, -90, 135, -135, 180))
 
 
 class CloudView(QtWidgets.QWidget):
@@ -86,6 +89,7 @@ class CloudView(QtWidgets.QWidget):
         self._snap: tuple[Mode, float | None] = ("point", None)
         self._markers: tuple[Marker, ...] = ()
         self._ghost: Marker | None = None
+        self._part = ""
 
         self.header = Header(TITLES[side], self)
         self._stage = Stage(self.scene, self, kind=canvas)
@@ -138,7 +142,7 @@ class CloudView(QtWidgets.QWidget):
         Of a cloud that no CRS describes, up is guessed from the ground.
         """
         self._magnifier.drop()
-        self.opened = opened
+        self.opened, self._part = opened, ""
         if opened is not None:
             self.scene.show(opened.cloud, unit=opened.unit)
             if opened.info.crs is None:
@@ -164,10 +168,13 @@ class CloudView(QtWidgets.QWidget):
         self._describe()
         self.refresh()
 
-    def isolate(self, mask: NDArray[np.bool_] | None) -> None:
-        """Show only some of the shown points, such as a zone; None shows all."""
+    def isolate(self, mask: NDArray[np.bool_] | None, name: str = "") -> None:
+        """Show only some of the shown points, such as a zone, and say so; None shows all."""
         self._magnifier.drop()
         self.scene.isolate(mask)
+        self._part = f"Only {name} is shown" if mask is not None and name else ""
+        self._tell_colours()
+        self._stage.settle()
         self.refresh()
 
     # Markers and the overlay
@@ -193,8 +200,7 @@ class CloudView(QtWidgets.QWidget):
         self.scene.set_overlay(None if opened is None else opened.cloud, similarity)
         self._overlay_bar.setVisible(self.scene.has_overlay)
         self._overlay_bar.set_state("A+B")
-        self.legend.show_legend(self.scene.legend)
-        self._stage.lay_out()
+        self._tell_colours()
         self.refresh()
 
     def set_overlay_opacity(self, opacity: float) -> None:
@@ -206,7 +212,7 @@ class CloudView(QtWidgets.QWidget):
     def swap(self) -> None:
         """Show only the cloud, then only the overlay, then both again."""
         self._overlay_bar.set_state(self.scene.swap())
-        self.legend.show_legend(self.scene.legend if self.scene.shows_cloud else None)
+        self._tell_colours()
         self.refresh()
 
     # How it looks
@@ -287,6 +293,18 @@ class CloudView(QtWidgets.QWidget):
         self.scene.camera = self.camera.looking_at(np.asarray(xyz, np.float64), height)
         self._user_moved()
 
+    def show_place(self, xyz: Position) -> None:
+        """Bring a place to the middle with what is around it, from where nothing hides it."""
+        there = np.asarray(xyz, np.float64)
+        straight = self.camera.looking_at(there, AROUND * self.scene.extent)
+        for sideways, upward in TURNS:
+            self.scene.camera = straight.orbited(sideways, upward)
+            if not self.scene.is_hidden(there[None])[0]:
+                break
+        else:
+            self.scene.camera = straight
+        self._user_moved()
+
     def magnify(self, on: bool, at: Position | None = None) -> None:
         """Show a 4x inset: around the mouse, or around a place."""
         if on and self.opened is not None and self.canvas is not None:
@@ -301,8 +319,7 @@ class CloudView(QtWidgets.QWidget):
 
     def refresh(self) -> None:
         """Draw a new picture, once for all that changes before Qt paints next."""
-        if self.canvas is not None:
-            self.canvas.refresh()
+        self._stage.refresh()
 
     def shutdown(self) -> None:
         """Stop timers and free what VTK holds; may be called again."""
@@ -359,8 +376,12 @@ class CloudView(QtWidgets.QWidget):
         self.header.describe(self.opened)
         self.header.offer(self.scene.modes, self.scene.mode)
         self._describe_states()
-        self.legend.show_legend(self.scene.legend)
         self._stage.fill(self.opened is not None)
+        self._tell_colours()
+
+    def _tell_colours(self) -> None:
+        self.legend.show_legend(self.scene.legend if self.scene.shows_cloud else None, self._part)
+        self._stage.lay_out()
 
     def _describe_states(self) -> None:
         self.header.set_states(
@@ -375,7 +396,8 @@ class CloudView(QtWidgets.QWidget):
 
     def _mark(self) -> None:
         ghost = () if self._ghost is None else (self._ghost,)
-        self.scene.set_markers((*self._markers, *ghost))
+        self._stage.marks.show_markers((*self._markers, *ghost))
+        self._stage.settle()
         self.refresh()
 
     # The mouse
@@ -423,7 +445,7 @@ class CloudView(QtWidgets.QWidget):
     def _refine(self) -> None:
         was_thinned = self.scene.is_thinned
         self.scene.set_moving(False)
-        if was_thinned:
+        if self._stage.settle() or was_thinned:
             self.refresh()
 
     def _row_at(self, at: QtCore.QPointF) -> int | None:
@@ -449,6 +471,7 @@ class CloudView(QtWidgets.QWidget):
 
     def _tell_hovered(self) -> None:
         row = self._row_at(self._mouse.at)
+        self._point_at(self._mouse.at)
         self.hovered.emit(None if row is None else position_of(self.scene.coordinates(row)))
 
     def _follow_mouse(self) -> None:
@@ -456,7 +479,12 @@ class CloudView(QtWidgets.QWidget):
 
     def _forget_mouse(self) -> None:
         self.hovered.emit(None)
+        self._point_at(None)
         self._magnifier.forget_mouse()
+
+    def _point_at(self, at: QtCore.QPointF | None) -> None:
+        if self.scene.is_drawn and self._stage.marks.point_at(at):
+            self._stage.marks.update()
 
     def _choose_up(self, up: Position | None) -> None:
         if self.opened is not None:

@@ -91,9 +91,16 @@ class TwoViews(QSplitter):
             self._link.follow(similarity if self._is_linked else None)
             self._place_overlay()
             self._set_snap()
+        suspects = set(model.fit.suspects)
         for side in SIDES:
             markers = [
-                Marker(place, pair.id, pair.role, pair.id == model.state.selected)
+                Marker(
+                    place,
+                    pair.id,
+                    pair.role,
+                    selected=pair.id == model.state.selected,
+                    suspect=pair.id in suspects,
+                )
                 for pair in model.pairs
                 if (place := pair.at(side)) is not None
             ]
@@ -150,7 +157,12 @@ class TwoViews(QSplitter):
             (self.source, findings.source_zone),
             (self.target, findings.target_zone),
         ):
-            view.isolate(None if zone is None else own == names.index(zone))
+            if zone is None:
+                view.isolate(None, "")
+            else:
+                # As the table of the zones writes it.
+                name = zone.capitalize().replace("_", " ")
+                view.isolate(own == names.index(zone), f"zone {name}")
 
     def fly_to(self, pair: Pair) -> None:
         """Bring a pair to the middle of both views, where it is, or where it should be."""
@@ -163,11 +175,11 @@ class TwoViews(QSplitter):
                 self.view(side).fly_to(place)
 
     def fly_to_target(self, place: Place) -> None:
-        """Bring a place of the target to the middle of both views."""
-        self.target.fly_to(place)
-        there = self._across("target", place)
-        if there is not None:
-            self.source.fly_to(there)
+        """Bring a place of the target, and what is around it, to the middle of both views."""
+        self.target.show_place(place)
+        similarity = self._model.similarity
+        if similarity is not None:
+            self.source.set_camera(self.target.camera.through(similarity.inverse()))
 
     def look(self, face: Face) -> None:
         """Look straight at both clouds."""

@@ -294,15 +294,17 @@ def test_a_zone_is_isolated_by_choosing_its_row(panel, host, clouds, qtbot):
     ]
     assert panel.views.source.scene.mode == "distance"
     shown = []
-    panel.views.source.isolate = shown.append
+    panel.views.source.isolate = lambda mask, name: shown.append((mask, name))
     tab.accuracy.selectRow(1)
     heights = TRUTH(panel.views.opened["source"].cloud.coordinates)[:, 2]
     low, high = heights.min(), heights.max()
     assert tab.completeness.currentRow() == 1
-    agree = shown[-1] == (heights >= low + 0.66 * (high - low))
+    mask, name = shown[-1]
+    assert name == "zone Upper"
+    agree = mask == (heights >= low + 0.66 * (high - low))
     assert agree.mean() > 0.999
     tab.accuracy.selectRow(0)
-    assert shown[-1] is None
+    assert shown[-1] == (None, "")
     panel.model.undo()
     assert "Changed since" in tab.note.text()
     assert [level for level, *_ in host.said if level == "error"] == []

@@ -16,12 +16,10 @@ from vtkmodules.util import numpy_support
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from trigpoint_panel.camera import camera_from
-from trigpoint_panel.marks import Marker
 from trigpoint_panel.pace import FEWEST
 from trigpoint_panel.scene import Scene
 
 HIGH = np.array([0.0, 0.0, 500.0])
-ORANGE = np.array([0xE6, 0x9F, 0x00])
 
 
 @pytest.fixture
@@ -47,10 +45,6 @@ def shot(plotter):
     pixels = vtkUnsignedCharArray()
     window.GetPixelData(0, 0, 399, 299, 0, pixels, 0)
     return numpy_support.vtk_to_numpy(pixels).reshape(300, 400, 3)[::-1].astype(int)
-
-
-def share_of(picture, colour, tolerance=30):
-    return (np.abs(picture - colour).max(axis=2) <= tolerance).mean()
 
 
 def inked(picture, scene):
@@ -179,43 +173,32 @@ def test_around_a_point_is_what_a_box_holds(scene):
     assert abs(len(near) - expected.sum()) <= 1
 
 
-def test_a_marker_stands_out_of_the_surface_and_is_not_picked(scene, plotter):
-    row = scene.pick_at(200, 120)
-    place = tuple(scene.coordinates(row))
-    bare = share_of(shot(plotter), ORANGE)
-    scene.set_markers([Marker(place, "P6?", "ghost")])
-    assert share_of(shot(plotter), ORANGE) > bare + 0.001
-    assert scene.pick_at(200, 120) == row
-    scene.set_markers([])
-    assert share_of(shot(plotter), ORANGE) == pytest.approx(bare, abs=1e-4)
-
-
-def test_a_label_is_seen_through_the_cloud_and_not_from_behind_the_camera(scene, plotter):
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_place_behind_the_cloud_is_hidden_and_one_on_its_surface_is_not(scene, parallel):
+    scene.camera = scene.camera.projected(parallel)
     scene.look("front")
-    hidden = (741_000.0, 4_279_002.0, 160.0)
-    scene.set_markers([Marker(hidden, "P6?", "ghost")])
-    assert share_of(shot(plotter), ORANGE) > 0.002
-    scene.camera = camera_from((0, 1, 0), (0, 0, 1), np.array([741_000.0, 4_278_990, 160]), 1.0)
-    scene.set_markers([Marker((741_000.0, 4_279_020.0, 160.0), "P6?", "ghost")])
-    assert share_of(shot(plotter), ORANGE) == 0
+    picked = [scene.coordinates(scene.pick_at(200 + dx, 150)) for dx in (-8, 0, 8)]
+    assert not scene.is_hidden(np.array(picked)).any()
+    behind = np.array([[741_000.0, 4_279_002.0, 160.0], [741_000.0, 4_279_010.0, 155.0]])
+    assert scene.is_hidden(behind).all()
+    assert not scene.is_hidden(behind + np.array([5.0, 0, 0])).any()
+    scene.look("back")
+    assert not scene.is_hidden(behind).any()
+    assert scene.is_ahead(behind).all()
 
 
-def test_labels_of_neighbours_do_not_cover_each_other(scene):
-    row = scene.pick_at(200, 120)
-    place = scene.coordinates(row)
-    near = [Marker((place[0] + 0.1 * k, place[1], place[2]), f"P{k}") for k in range(4)]
-    scene.set_markers([*near[:3], Marker(near[3].xyz, "P3", selected=True)])
-    tags = scene._marks._labels
-    corners = [tag.corner for tag in tags]
-    assert len(set(corners)) == 4
-    assert tags[3].corner == (1, 1)
-    boxes = [tag.box(tag.corner, scene.project(tag.place + scene.origin)) for tag in tags]
-    for k, one in enumerate(boxes):
-        for other in boxes[:k]:
-            apart = one[0] >= other[2] or other[0] >= one[2]
-            assert apart or one[1] >= other[3] or other[1] >= one[3]
-    scene.camera = scene.camera.orbited(2, 0)
-    assert [tag.corner for tag in tags] == corners
+def test_one_stray_point_hides_nothing(scene):
+    across = np.linspace(-5, 5, 100)
+    wall = np.array([[x, 0.0, z] for x in across for z in across])
+    scene.show(cloud_from(np.vstack([wall, [[0.0, -3.0, 0.0]]])))
+    scene.look("front")
+    assert not scene.is_hidden(np.zeros((1, 3))).any()
+
+
+def test_a_picked_place_on_sloping_ground_is_not_hidden_by_it(scene):
+    scene.camera = camera_from((0, -1, 0.25), (0, 0, 1), np.array([741_000.0, 4_279_000, 150]), 30)
+    place = np.array([[741_004.0, 4_278_995.0, 150.0]])
+    assert not scene.is_hidden(place).any()
 
 
 def test_an_overlay_lies_on_the_cloud_that_it_was_made_from(scene, plotter, similarity_from):
@@ -294,7 +277,6 @@ def test_a_step_in_depth_has_a_dark_edge(scene, plotter):
 
 
 def test_a_scene_outlives_its_plotter(scene, plotter):
-    scene.set_markers([Marker((741_000.0, 4_279_000.0, 170.0), "P1")])
     scene.set_dark(True)
     scene.set_point_size(5)
     scene.look("left")
@@ -309,7 +291,6 @@ def test_a_scene_outlives_its_plotter(scene, plotter):
 
 def test_everything_can_be_set_before_there_is_a_plotter(opened_tower, plotter):
     scene = Scene()
-    scene.set_markers([Marker((0.0, 0.0, 0.0), "P1")])
     scene.set_eye_dome(False)
     scene.show(opened_tower(crs=None).cloud)
     scene.set_up((0, 1, 0))
