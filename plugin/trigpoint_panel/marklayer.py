@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from qtpy import QtCore, QtGui, QtWidgets
 
-from trigpoint_panel.marks import LOOKS, SELECTED, SUSPECT, Look, Marker
+from trigpoint_panel.marks import FLAGGED, LOOKS, SELECTED, Look, Marker
 from trigpoint_panel.placing import SPOTS, Box, Wish, boxes_of, place
 from trigpoint_panel.scene import Scene
 
-# Pixels: half a mark, with its rim; how much larger a selected one is; a suspect's ring.
+# Pixels: half a mark, with its rim; how much larger a selected one is; a flagged one's ring.
 RADIUS, RIM, CHOSEN, RING = 5.5, 2.0, 1.4, 4.0
 # Letters, the space around them, and the longest name that is not shortened.
 LETTERS, PAD, LONGEST = 12, 5, 170
@@ -126,7 +126,7 @@ class MarkLayer(QtWidgets.QWidget):
         marker = self.markers[k]
         middle = QtCore.Qt.TextElideMode.ElideMiddle
         name = self.fontMetrics().elidedText(marker.label, middle, LONGEST)
-        name = f"{name}: suspect" if marker.suspect else name
+        name = f"{name}: {marker.flag}" if marker.flag else name
         return f"({name})" if self.hidden[k] else name
 
     def _radius(self, k: int) -> float:
@@ -134,7 +134,7 @@ class MarkLayer(QtWidgets.QWidget):
 
     def _wish(self, k: int, pixel: NDArray[np.float64]) -> Wish:
         marker, metrics = self.markers[k], self.fontMetrics()
-        radius = self._radius(k) + (RING if marker.suspect else RIM)
+        radius = self._radius(k) + (RING if marker.flag else RIM)
         wide = metrics.horizontalAdvance(self._text(k)) + 2 * PAD
         rank = 2 * marker.rank + int(self.hidden[k])
         before = self._spots.get(marker.label)
@@ -152,7 +152,7 @@ class MarkLayer(QtWidgets.QWidget):
         marker = self.markers[k]
         if marker.selected:
             return SELECTED
-        return SUSPECT if marker.suspect else LOOKS[marker.kind]
+        return FLAGGED if marker.flag else LOOKS[marker.kind]
 
     def _paint_line(
         self, painter: QtGui.QPainter, k: int, pixel: NDArray[np.float64], rect: QtCore.QRectF
@@ -171,8 +171,8 @@ class MarkLayer(QtWidgets.QWidget):
         colour, white = QtGui.QColor(look.colour), QtGui.QColor("white")
         none = QtCore.Qt.BrushStyle.NoBrush
         draw = painter.drawEllipse if look.is_round else _square(painter)
-        if marker.suspect:
-            for ring, width in ((white, 4.5), (QtGui.QColor(SUSPECT.colour), 2.5)):
+        if marker.flag:
+            for ring, width in ((white, 4.5), (QtGui.QColor(FLAGGED.colour), 2.5)):
                 painter.setBrush(none)
                 painter.setPen(QtGui.QPen(ring, width))
                 painter.drawEllipse(at, radius + RING, radius + RING)
@@ -203,8 +203,7 @@ class MarkLayer(QtWidgets.QWidget):
             ink = self.palette().color(QtGui.QPalette.ColorRole.WindowText)
         elif marker.selected:
             # A frame: on a dark picture black alone would not be seen.
-            frame = QtGui.QColor(SUSPECT.colour if marker.suspect else "#FFFFFF")
-            pen = QtGui.QPen(frame, 2.0)
+            pen = QtGui.QPen(QtGui.QColor("white"), 2.0)
         painter.setBrush(ground)
         painter.setPen(QtCore.Qt.PenStyle.NoPen if pen is None else pen)
         painter.drawRoundedRect(rect, 2.5, 2.5)

@@ -24,20 +24,21 @@ class Marker:
     kind : str
         "control", "check", "off", "ghost" (where a pick is expected) or "next" (where to pick).
     selected : bool
-    suspect : bool
-        Whether the fit names it: it gets a red ring, and its label says so.
+    flag : str
+        What the fit says against it, in one word such as "suspect": it gets a red ring, and its
+        label says so.
     """
 
     xyz: Position
     label: str
     kind: Kind = "control"
     selected: bool = False
-    suspect: bool = False
+    flag: str = ""
 
     @property
     def rank(self) -> int:
-        """Who chooses first where a label is to stand: the selected one, then the suspects."""
-        if self.selected or self.suspect:
+        """Who chooses first where a label is to stand: the selected one, then what is flagged."""
+        if self.selected or self.flag:
             return 0 if self.selected else 1
         return ("ghost", "next", "control", "check", "off").index(self.kind) + 2
 
@@ -60,5 +61,5 @@ LOOKS: dict[Kind, Look] = {
     "ghost": Look(ORANGE, "#000000", True, True),
     "next": Look(PURPLE, "#000000", False, True),
 }
-SUSPECT = Look("#B3261E", "#FFFFFF", True, False)
+FLAGGED = Look("#B3261E", "#FFFFFF", True, False)
 SELECTED = Look("#000000", "#FFFFFF", True, False)

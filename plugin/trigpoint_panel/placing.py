@@ -15,6 +15,7 @@ Box = tuple[float, float, float, float]
 SIDES = ((1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0, -1), (0, 1))
 STEPS = (0.0, 16.0, 34.0, 56.0)
 SPOTS = tuple((x, y, step) for step in STEPS for x, y in SIDES)
+ACROSS, DOWN, FARTHER = np.array(SPOTS).T
 # Between a label and what else is drawn.
 GAP = 2.0
 
@@ -82,8 +83,7 @@ def place(
 
 def boxes_of(wish: Wish) -> NDArray[np.float64]:
     """Return a label's box at each spot, shape (len(SPOTS), 4)."""
-    x, y, step = np.array(SPOTS).T
-    reach = wish.radius + GAP + step
-    left = wish.x + x * reach - wish.wide * (1 - x) / 2
-    top = wish.y + y * reach - wish.tall * (1 - y) / 2
+    reach = wish.radius + GAP + FARTHER
+    left = wish.x + ACROSS * reach - wish.wide * (1 - ACROSS) / 2
+    top = wish.y + DOWN * reach - wish.tall * (1 - DOWN) / 2
     return np.column_stack([left, top, left + wish.wide, top + wish.tall])

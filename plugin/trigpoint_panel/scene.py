@@ -23,7 +23,7 @@ from trigpoint_reporting.elevations import LIMIT_M
 # Width of the points in pixels; near to the cloud they grow up to GROWTH times, to stay a surface.
 POINT, GROWTH = 3.0, 3.0
 # Points that tell what the cloud hides.
-TELLING = 500_000
+TELLING = 200_000
 LIGHT, DARK = (0.957, 0.961, 0.969), (0.094, 0.106, 0.125)
 
 
@@ -388,7 +388,7 @@ class Scene:
         if self._shown is None or self._plotter is None or not self._overlay.shows_own:
             return np.zeros(len(xyz), np.bool_)
         columns = self._shown.columns
-        step = max(1, columns.shape[1] // TELLING)
+        step = -(-columns.shape[1] // TELLING)
         reach = max(self._drawn / 2, 3.0 * self._ratio)
         return self._sight().is_hidden(columns[:, ::step], xyz - self.origin, reach=reach)
 

@@ -110,16 +110,21 @@ class Sight:
         """
         ahead = np.subtract(self.camera.focal_point, self.camera.position)
         ahead /= np.linalg.norm(ahead)
-        start = float(ahead @ (self.origin - self.camera.position))
-        deep = ahead.astype(np.float32) @ columns + np.float32(start)
+        away = float(ahead @ (self.origin - self.camera.position))
+        deep = ahead.astype(np.float32) @ columns + np.float32(away)
         turn, shift = self.matrix[:, :3].astype(np.float32), self.matrix[:, 3].astype(np.float32)
         weight = turn[3] @ columns + shift[3]
         x, y = (((turn[k] @ columns + shift[k]) / weight + 1) / 2 * self.size[k] for k in range(2))
+        # From left to right, the few points around a place are found without asking all.
+        order = np.argsort(x)
+        sorted_x = x[order]
         hidden = []
         for (left, bottom), far in zip(self.project(local), self.depth(local), strict=True):
-            before = (deep > 0) & (deep < far - BEFORE * self.pixel(float(far)))
-            rows = np.flatnonzero(before & (np.abs(x - left) <= reach))
-            hidden.append(int((np.abs(y[rows] - bottom) <= reach).sum()) >= HIDERS)
+            start, end = np.searchsorted(sorted_x, [left - reach, left + reach])
+            rows = order[start:end]
+            rows = rows[np.abs(y[rows] - bottom) <= reach]
+            before = (deep[rows] > 0) & (deep[rows] < far - BEFORE * self.pixel(float(far)))
+            hidden.append(int(before.sum()) >= HIDERS)
         return np.array(hidden, np.bool_)
 
     def _near_ray(

@@ -91,7 +91,8 @@ class TwoViews(QSplitter):
             self._link.follow(similarity if self._is_linked else None)
             self._place_overlay()
             self._set_snap()
-        suspects = set(model.fit.suspects)
+        red = model.fit.table[model.fit.table["level"] == "red"]
+        flags = dict(zip(red["id"], red["flag"], strict=True))
         for side in SIDES:
             markers = [
                 Marker(
@@ -99,7 +100,7 @@ class TwoViews(QSplitter):
                     pair.id,
                     pair.role,
                     selected=pair.id == model.state.selected,
-                    suspect=pair.id in suspects,
+                    flag=flags.get(pair.id, ""),
                 )
                 for pair in model.pairs
                 if (place := pair.at(side)) is not None

