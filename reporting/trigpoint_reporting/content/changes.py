@@ -65,9 +65,9 @@ def changes(evidence: Evidence) -> list[Block]:
         *_shown(f"Findings that changed since {against}", came_out),
         Passage(
             (
-                f"{number_text(len(rows))} values of data/results.json differ from {against}, most "
-                "of them by less than is printed or in tables of single picks and zones: each, "
-                "with what it was and is, is in data/changes.json.",
+                f"{number_text(len(rows))} values of data/results.json differ from {against} in "
+                "all, single picks and zones and what prints alike included: data/changes.json has "
+                "each as it was and as it is.",
             ),
             "note",
         ),
