@@ -82,6 +82,22 @@ def test_new_overwrites_nothing(run, tmp_path):
     assert "already there" in err
 
 
+def test_info_takes_the_empty_picks_of_a_new_project(run, tmp_path):
+    run("new", tmp_path / "site")
+    code, out, _ = run("info", tmp_path / "site" / "picks.csv", "--json")
+    found = json.loads(out)
+    assert (code, found["picks"], found["target_low_m"]) == (0, 0, None)
+
+
+def test_apply_doubts_a_cloud_that_is_in_the_frame_already(run, small, tmp_path):
+    run("align", small / "picks.csv", "--crs", "EPSG:32615", "--out", tmp_path / "s.json")
+    for name, doubted in (("nerf.ply", False), ("lidar.laz", True)):
+        there = tmp_path / "there.laz"
+        code, out, _ = run("apply", tmp_path / "s.json", small / name, there, "--json")
+        codes = [each["code"] for each in json.loads(out)["warnings"]]
+        assert (code, "crs_doubtful" in codes) == (0, doubted)
+
+
 def test_info_tells_clouds_from_picks(run, small):
     cloud = json.loads(run("info", small / "lidar.laz", "--json")[1])
     assert (cloud["kind"], cloud["points"], cloud["crs_code"]) == ("cloud", 6000, "EPSG:32615")
@@ -265,7 +281,9 @@ def test_projects_are_all_read_before_the_first_is_run(run, small_project, tmp_p
     assert code == 2
     assert "Two projects would be written to" in err
     other.write_text("[project]", "utf-8")
-    assert run("audit", one, other)[0] == 2
+    code, _, err = run("audit", one, other)
+    assert code == 2
+    assert f"{other}: " in " ".join(err.split())
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "one" / "audit").exists()
 

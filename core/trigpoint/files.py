@@ -260,18 +260,26 @@ def carry(
     points : int
         Written.
     cautions : tuple of Caution
+        As of `write`, and `crs_doubtful` where the source states the target's frame already.
     """
     frame = parse_crs(crs)
-    count = 0
+    count, already = 0, False
 
     def moved() -> Iterator[PointCloud]:
-        nonlocal count
+        nonlocal count, already
         for cloud in stream(source):
             count += len(cloud)
+            already = frame is not None and cloud.crs == frame
             carried = cloud.transformed(similarity, crs=frame)
             yield carried if sigma is None else _with_sigmas(carried, sigma(carried.coordinates))
 
     cautions = write(target, moved(), like=source)
+    if already and frame is not None:
+        message = (
+            f"{Path(source).name} states {frame.name} itself, and was carried into it all the "
+            "same: a cloud that is there already needs no similarity."
+        )
+        cautions = (*cautions, Caution("crs_doubtful", message))
     return count, cautions
 
 

@@ -11,7 +11,7 @@ import trigpoint
 import trigpoint_reporting
 
 NOT_AVAILABLE = "not available"
-PATIENCE_S = 5
+PATIENCE_S = 60
 
 
 def source_state() -> str:

@@ -250,7 +250,12 @@ def apply(
     target: Annotated[Path, Existing],
     inverse: Annotated[bool, typer.Option("--inverse", help="Carry it back.")] = False,
     sigma: Annotated[
-        bool, typer.Option("--sigma", help="Give each point sigma_e, sigma_n, sigma_h in metres.")
+        bool,
+        typer.Option(
+            "--sigma",
+            help="Give each point sigma_e, sigma_n, sigma_h in metres: of the whole output of "
+            "align --json, which has the covariance.",
+        ),
     ] = False,
     crs: Crs = "",
     as_json: AsJson = False,
@@ -316,11 +321,14 @@ def verify(
 
 def _audit(paths: list[Path], out: Path | None, as_json: bool) -> int:
     # All are read before the first is run: nobody waits to be told of a typing error.
-    projects = [trigpoint.read_project(path) for path in paths]
+    projects = []
+    for path in paths:
+        with _of_several(path, paths):
+            projects.append(trigpoint.read_project(path))
     check_apart(projects, out)
     done = []
-    for project in projects:
-        with _progress() as say:
+    for path, project in zip(paths, projects, strict=True):
+        with _progress() as say, _of_several(path, paths):
             found = deliver(project, out, say=say)
         done.append(found)
         if not as_json:
@@ -336,6 +344,17 @@ def _audit(paths: list[Path], out: Path | None, as_json: bool) -> int:
         ]
         _print_json({"audits": told})
     return 1 if any(found.results["verdict"] == "FAIL" for found in done) else 0
+
+
+@contextmanager
+def _of_several(path: Path, paths: list[Path]) -> Iterator[None]:
+    """Say of which project an error is, where there are several."""
+    try:
+        yield
+    except TrigpointError as error:
+        if len(paths) > 1:
+            error.args = (f"{path}: {error}",)
+        raise
 
 
 def _refuse_overwriting(written: Path | None, *read: Path) -> None:
