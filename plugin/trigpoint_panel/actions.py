@@ -69,6 +69,10 @@ COMMANDS: dict[str, Command] = {
     "escape": Command("Stop", "Esc", "Cancel the job, else drop the open half, else stop picking"),
     "delete": Command("Delete pairs", "Del", "Delete the selected pairs"),
     "role": Command("Control, check, off", "", "Space: change the role of the selected pairs"),
+    "to_control": Command("Use as control", "", "They make the fit"),
+    "to_check": Command("Use as check", "", "They only test the fit"),
+    "to_off": Command("Use not at all", "", "They are kept, and count for nothing"),
+    "fly": Command("Fly to the pair", "", "Double click: both views fly to the selected pair"),
     "new_pair": Command("Type a pair", "Ins", "Begin a pair and type its coordinates"),
     "next_pair": Command("Next pair", "N", "Select the next pair; both views fly there"),
     "previous_pair": Command("Previous pair", "Shift+N", "Select the pair before"),
@@ -106,13 +110,48 @@ COMMANDS: dict[str, Command] = {
     "icp": Command("Try ICP", "", "Put rigid ICP on trial", needs="errors"),
     "report": Command("Make the report", "Ctrl+E", "Run the audit", needs="report"),
     "demo": Command("Open the clock tower", "", "A made-up project with known truth", needs="open"),
-    "help": Command("Keys", "F1", "What the keys do"),
+    "help": Command("Keys and mouse", "F1", "What the keys and the mouse do"),
 }
-HELD = ("Z, held", "Magnify at the mouse, in both views")
-IN_TABLE = (
-    ("Space", "Control, check or off, for the selected pairs"),
-    ("Empty a coordinate", "Open that half again, to pick it anew"),
-)
+Told = tuple[str, str]
+# What the help says, in groups: the name of a command, or keys that are no command's.
+HELP: dict[str, tuple[str | Told, ...]] = {
+    "Files": ("open_source", "open_target", "open_session", "save", "save_as", "report"),
+    "Pairs": (
+        "pick",
+        "escape",
+        "undo",
+        "redo",
+        "new_pair",
+        "delete",
+        ("Space", "Control, check or off, for the selected pairs"),
+        ("Empty a coordinate", "Open that half again, to pick it anew"),
+        "next_pair",
+        "previous_pair",
+        "ghost",
+    ),
+    "Views": (
+        "link",
+        "overlay",
+        "swap",
+        "fit_view",
+        "front",
+        "right",
+        "top",
+        "parallel",
+        "eye_dome",
+        "larger",
+        "smaller",
+    ),
+    "Mouse in a view": (
+        ("Drag", "Turn"),
+        ("Right or middle drag", "Move; so does Shift with a drag"),
+        ("Ctrl and drag", "Roll"),
+        ("Wheel", "Zoom to the mouse"),
+        ("Double click", "Fly there, while not picking; on a row of the table, fly to its pair"),
+        ("Z, held", "Magnify at the mouse, in both views"),
+    ),
+    "Window": (("F10", "Menu of everything else"), "pane", "help"),
+}
 
 
 def make_actions(panel: QWidget) -> dict[str, QAction]:
@@ -163,11 +202,13 @@ def enable(
     actions["swap"].setEnabled(actions["overlay"].isChecked())
 
 
-def keys_told() -> list[tuple[str, str]]:
-    """Return every key and what it does."""
-    told = [
-        (" or ".join(command.keys.split()), command.about)
-        for command in COMMANDS.values()
-        if command.keys
-    ]
-    return [*told, *IN_TABLE, HELD]
+def keys_told() -> dict[str, list[Told]]:
+    """Return every key and what it does, in groups."""
+    return {
+        group: [each if isinstance(each, tuple) else _told(COMMANDS[each]) for each in members]
+        for group, members in HELP.items()
+    }
+
+
+def _told(command: Command) -> Told:
+    return " or ".join(command.keys.split()), command.about

@@ -74,6 +74,7 @@ class AlignTab(Tab):
         self.heading("How the pairs are fitted")
         form = self.form()
         self.method = QComboBox(self.inside)
+        self.method.setAccessibleName("Method")
         for key, text in METHODS.items():
             self.method.addItem(text, key)
         self.method.setSizeAdjustPolicy(

@@ -21,13 +21,12 @@ from trigpoint_panel.host import Action, Host
 from trigpoint_panel.jobs import Job, Tick, told
 from trigpoint_panel.model import Model
 from trigpoint_panel.opening import MOST, Opened, open_cloud
-from trigpoint_panel.pairs import SIDES, Side
+from trigpoint_panel.pairs import CALLED, SIDES, Side
 from trigpoint_panel.session import SUFFIX, Session, read_session
 from trigpoint_panel.views import TwoViews
 
 CLOUDS = "Point clouds (*.las *.laz *.ply *.xyz *.txt *.csv *.e57 *.pcd);;All files (*)"
 SESSIONS = f"Sessions and projects (*{SUFFIX} project.toml *.toml);;All files (*)"
-NAMES: dict[Side, str] = {"source": "source", "target": "reference"}
 # Places of the reference among which the next picks are sought.
 PLACES = 3000
 
@@ -59,7 +58,7 @@ class Desk(QObject):
 
     def ask_cloud(self, side: Side) -> None:
         """Let the user choose the cloud of one side."""
-        path = self._host.open_file(f"Open the {NAMES[side]}", CLOUDS)
+        path = self._host.open_file(f"Open the {CALLED[side]}", CLOUDS)
         if path is not None:
             self.open_cloud(side, path)
 

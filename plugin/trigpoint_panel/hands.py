@@ -9,7 +9,7 @@ from trigpoint_panel.host import Host
 from trigpoint_panel.model import Model
 from trigpoint_panel.names import isolated
 from trigpoint_panel.operators import end_second_operator
-from trigpoint_panel.pairs import Side
+from trigpoint_panel.pairs import CALLED, Role, Side
 from trigpoint_panel.picking import Picked
 from trigpoint_panel.table import PairTable
 from trigpoint_panel.views import TwoViews
@@ -41,14 +41,27 @@ class Hands:
             self._host.message("error", str(error))
             return
         if placed.warning:
-            text = f"{isolated(placed.id)} in the {side}: {placed.warning}"
+            text = f"{isolated(placed.id)} in the {CALLED[side]}: {placed.warning}"
             keep: tuple[str, Callable[[], object]] = ("Keep", lambda: None)
             self._host.message("warning", text, "", (keep, ("Undo", self._model.undo)))
 
     def cycle_role(self) -> None:
         """Change the role of the pairs chosen in the table, else of the selected one."""
-        names = self._table.chosen() or [p.id for p in (self._model.selected,) if p is not None]
-        self._model.cycle_role(names)
+        self._model.cycle_role(self._chosen())
+
+    def set_role(self, role: Role) -> None:
+        """Give the pairs chosen in the table a role, else the selected one."""
+        names = self._chosen()
+        if names:
+            self._model.set_role(names, role)
+
+    def fly_to_chosen(self) -> None:
+        """Show the selected pair in both views."""
+        if self._model.selected is not None:
+            self._views.fly_to(self._model.selected)
+
+    def _chosen(self) -> list[str]:
+        return self._table.chosen() or [p.id for p in (self._model.selected,) if p is not None]
 
     def type_pair(self) -> None:
         """Begin a pair in the table, ready to be typed."""

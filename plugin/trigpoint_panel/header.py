@@ -58,7 +58,7 @@ class Header(QtWidgets.QWidget):
         self.eye_dome.setCheckable(True)
         self.eye_dome.setChecked(True)
         self.fit = self._button("Fit", "Look at the whole cloud (F)")
-        self.more = self._button("⋯", "Directions, projection and what is up")
+        self.more = self._button("⋯", "Fit, directions, projection and what is up")
         self.more.setPopupMode(QtWidgets.QToolButton.ToolButtonPopupMode.InstantPopup)
         self.more.setStyleSheet("QToolButton::menu-indicator { image: none; width: 0; }")
         self.parallel, menu = self._menu()
@@ -144,6 +144,8 @@ class Header(QtWidgets.QWidget):
 
     def _menu(self) -> tuple[Any, QtWidgets.QMenu]:
         menu = QtWidgets.QMenu(self)
+        menu.addAction("Fit").triggered.connect(lambda: self.fit_chosen.emit())
+        menu.addSeparator()
         for text, face in FACES.items():
             menu.addAction(text).triggered.connect(
                 lambda _checked=False, face=face: self.face_chosen.emit(face)

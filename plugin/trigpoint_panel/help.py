@@ -3,28 +3,48 @@
 from __future__ import annotations
 
 from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QDialog, QGridLayout, QLabel, QWidget
+from qtpy.QtWidgets import QDialog, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from trigpoint_panel.actions import keys_told
+from trigpoint_panel.actions import Told, keys_told
+
+# The groups that stand one under the other, column by column.
+COLUMNS = (("Files", "Pairs"), ("Views", "Mouse in a view", "Window"))
 
 
 class KeysWindow(QDialog):
-    """Every key and what it does, in two columns; Esc closes it."""
+    """Every key and what it does, in groups; Esc closes it."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.setWindowTitle("Keys")
+        self.setWindowTitle("Keys and mouse")
         self.setModal(False)
-        grid = QGridLayout(self)
-        grid.setContentsMargins(16, 14, 16, 14)
+        told = keys_told()
+        row = QHBoxLayout(self)
+        row.setContentsMargins(16, 14, 16, 14)
+        row.setSpacing(28)
+        for groups in COLUMNS:
+            column = QVBoxLayout()
+            column.setSpacing(4)
+            for group in groups:
+                self._add(column, group, told[group])
+            column.addStretch(1)
+            row.addLayout(column)
+
+    def _add(self, column: QVBoxLayout, group: str, told: list[Told]) -> None:
+        heading = QLabel(group, self)
+        heading.setProperty("role", "faint")
+        if column.count():
+            column.addSpacing(10)
+        column.addWidget(heading)
+        grid = QGridLayout()
         grid.setHorizontalSpacing(14)
         grid.setVerticalSpacing(4)
-        told = keys_told()
-        half = (len(told) + 1) // 2
-        for position, (keys, about) in enumerate(told):
-            row, side = position % half, 2 * (position // half)
+        grid.setColumnStretch(1, 1)
+        for row, (keys, about) in enumerate(told):
             key = QLabel(keys, self)
             key.setProperty("role", "heading")
+            key.setMinimumWidth(key.fontMetrics().horizontalAdvance("Right or middle drag__"))
             key.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-            grid.addWidget(key, row, side)
-            grid.addWidget(QLabel(about, self), row, side + 1)
+            grid.addWidget(key, row, 0)
+            grid.addWidget(QLabel(about, self), row, 1)
+        column.addLayout(grid)

@@ -29,6 +29,8 @@ class Mouse(QtCore.QObject):
     pressed ()
     clicked (QPointF)
         With the left button, while clicks pick.
+    asked (QPointF)
+        With the right button, which was not dragged: what can be done here.
     doubled (QPointF)
         With the left button, while clicks do not pick.
     dragged (str, QPointF)
@@ -43,6 +45,7 @@ class Mouse(QtCore.QObject):
 
     pressed = QtCore.Signal()
     clicked = QtCore.Signal(object)
+    asked = QtCore.Signal(object)
     doubled = QtCore.Signal(object)
     dragged = QtCore.Signal(str, object)
     wheeled = QtCore.Signal(object, float)
@@ -128,6 +131,8 @@ class Mouse(QtCore.QObject):
         self._press, self._dragging = None, False
         if not dragged and button == QtCore.Qt.MouseButton.LeftButton and self.picks:
             self.clicked.emit(_place(event))
+        elif not dragged and button == QtCore.Qt.MouseButton.RightButton:
+            self.asked.emit(_place(event))
 
 
 def _place(event: Any) -> QtCore.QPointF:

@@ -19,6 +19,8 @@ Role = Literal["control", "check", "off"]
 Place = tuple[float, float, float]
 
 SIDES: tuple[Side, Side] = get_args(Side)
+# As users read of the sides.
+CALLED: dict[Side, str] = {"source": "source", "target": "reference"}
 ROLES: tuple[Role, Role, Role] = get_args(Role)
 
 

@@ -39,6 +39,8 @@ from trigpoint_panel.views import TwoViews
 
 AUTOSAVE_MS = 400
 OPACITY = 0.6  # of the overlay, at first
+# In the menu of a row of the table.
+OF_A_ROW = ("fly", "to_control", "to_check", "to_off", "delete")
 SIZES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # of points, in pixels
 
 
@@ -203,6 +205,10 @@ class Panel(QWidget):
             "escape": self._escape,
             "delete": lambda: model.delete(self.table.chosen()),
             "role": hands.cycle_role,
+            "to_control": partial(hands.set_role, "control"),
+            "to_check": partial(hands.set_role, "check"),
+            "to_off": partial(hands.set_role, "off"),
+            "fly": hands.fly_to_chosen,
             "new_pair": hands.type_pair,
             "next_pair": partial(hands.walk, 1),
             "previous_pair": partial(hands.walk, -1),
@@ -256,6 +262,8 @@ class Panel(QWidget):
         views.clouds_changed.connect(self.runs.drop_findings)
         self.bar.snap_changed.connect(views.set_snap)
         views.target.set_overlay_opacity(OPACITY)
+        for name in OF_A_ROW:
+            self.table.addAction(self.actions_by_name[name])
         self.table.flown.connect(hands.fly)
         self.table.refused.connect(partial(self.host.message, "error"))
         self.table.role_wanted.connect(hands.cycle_role)

@@ -8,7 +8,7 @@ from typing import Literal
 from trigpoint.picks import FEWEST
 from trigpoint_panel.model import Model
 from trigpoint_panel.names import isolated, listed
-from trigpoint_panel.pairs import complete
+from trigpoint_panel.pairs import CALLED, complete
 
 Level = Literal["info", "good", "amber", "red"]
 Action = Literal[
@@ -85,7 +85,7 @@ def _standing(model: Model) -> StateLine:
         can = can - {"errors", "report"}
     half = model.half_open
     if half is not None and half.open_side is not None:
-        name, view = isolated(half.id), half.open_side
+        name, view = isolated(half.id), CALLED[half.open_side]
         text = f"{name}: now click the same corner in the {view} view. (Esc drops it)"
         return StateLine(text, "info", can | {"drop"})
     if state.is_second_operator:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from qtpy.QtCore import QSize, Qt, Signal
+from qtpy.QtCore import QSize, Qt, QTimer, Signal
 from qtpy.QtGui import QResizeEvent, QTextOption
 from qtpy.QtWidgets import (
     QApplication,
@@ -41,6 +41,9 @@ class Sentence(QPlainTextEdit):
     def __init__(self, text: str, parent: QWidget | None = None) -> None:
         super().__init__(text, parent)
         self._fits = False
+        self._later = QTimer(self)
+        self._later.setSingleShot(True)
+        self._later.timeout.connect(self.updateGeometry)
         self.setObjectName("sentence")
         self.setReadOnly(True)
         self.setTabChangesFocus(True)
@@ -74,7 +77,11 @@ class Sentence(QPlainTextEdit):
             self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOn)
         # What scrolls has no margin below: the top of one more line would show in it.
         below = 0 if scrolls else MARGIN + 2
-        self.setFixedHeight(min(lines, LINES) * self.cursorRect().height() + MARGIN + below)
+        height = min(lines, LINES) * self.cursorRect().height() + MARGIN + below
+        if height != self.height():
+            self.setFixedHeight(height)
+            # A layout that is just being made does not hear of it: tell it again afterwards.
+            self._later.start()
         self._fits = False
 
 

@@ -137,12 +137,12 @@ def sheet(look: Look) -> str:
     CloudView:focus {{ border-color: {look.accent}; }}
     QTableView {{ border: 2px solid {look.line}; }}
     QTableView:focus {{ border-color: {look.accent}; }}
-    QMenu {{ border: 1px solid {look.faint}; padding: 3px; }}
+    QMenu {{ border: 1px solid {look.faint}; }}
     QMenu::separator {{ background: {look.line}; height: 1px; margin: 3px 6px; }}
-    QMenu::indicator {{ width: 13px; height: 13px; left: 4px; }}
     QCheckBox::indicator:unchecked, QMenu::indicator:non-exclusive:unchecked,
     QTableView::indicator:unchecked {{
       background: {look.base}; border: 1px solid {look.faint}; border-radius: 2px; }}
+    QMenu::indicator:non-exclusive:unchecked {{ margin: 4px 0; }}
     QSplitter::handle {{ background: {look.line}; }}
     QSplitter::handle:horizontal {{ width: 3px; }}
     QSplitter::handle:vertical {{ height: 3px; }}

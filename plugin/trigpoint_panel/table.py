@@ -224,6 +224,7 @@ class PairTable(QTableView):
         self.setWordWrap(False)
         self.setCornerButtonEnabled(False)
         self.setSortingEnabled(True)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
         self.setTabKeyNavigation(False)  # Tab leaves the table; arrows walk in it
         self.sortByColumn(-1, Qt.SortOrder.AscendingOrder)
         self.verticalHeader().hide()

@@ -116,6 +116,7 @@ class CloudView(QtWidgets.QWidget):
         self._stage.dropped.connect(self._leave_canvas)
         self._mouse.pressed.connect(self._take_focus)
         self._mouse.clicked.connect(self._pick)
+        self._mouse.asked.connect(self._offer_menu)
         self._mouse.doubled.connect(self._fly_under)
         self._mouse.dragged.connect(self._drag)
         self._mouse.wheeled.connect(self._zoom)
@@ -393,6 +394,10 @@ class CloudView(QtWidgets.QWidget):
     def _follow_palette(self) -> None:
         window = self.palette().color(QtGui.QPalette.ColorRole.Window)
         self.scene.set_dark(window.lightness() < 128)
+
+    def _offer_menu(self, at: QtCore.QPointF) -> None:
+        surface = self.canvas.surface if self.canvas is not None else self
+        self.header.more.menu().popup(surface.mapToGlobal(at.toPoint()))
 
     def _mark(self) -> None:
         ghost = () if self._ghost is None else (self._ghost,)

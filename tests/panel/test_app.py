@@ -258,6 +258,7 @@ def test_a_message_of_many_lines_leaves_room_and_scrolls(window, qtbot):
     window.resize(720, 700)
     for each in longer:
         qtbot.waitUntil(lambda each=each: each.sentence.height() == 5 * line + 2, timeout=2000)
+        qtbot.waitUntil(lambda each=each: each.height() >= each.sentence.height() + 8, timeout=2000)
 
 
 def test_a_crs_is_named_back_before_it_is_taken(qtbot):

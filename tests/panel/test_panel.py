@@ -136,7 +136,36 @@ def test_every_command_is_wired_and_every_key_is_used_once(panel):
         assert action.shortcutContext() == Qt.ShortcutContext.WidgetWithChildrenShortcut
         assert action in panel.actions()
         assert action.toolTip(), name
-    assert len(keys_told()) > 25
+    shown = [keys for group in keys_told().values() for keys, _ in group]
+    assert len(shown) == len(set(shown)) > 25
+    for command in COMMANDS.values():
+        assert not command.keys or " or ".join(command.keys.split()) in shown, command
+    assert {"F10", "Wheel", "Double click", "Ctrl and drag"} <= set(shown)
+
+
+def test_the_help_shows_every_key_on_one_screen(panel, qtbot):
+    panel.action("help").trigger()
+    shown = [label.text() for label in panel._keys.findChildren(QLabel)]
+    for group, lines in keys_told().items():
+        assert {group, *(word for line in lines for word in line)} <= set(shown)
+    assert panel._keys.sizeHint().width() < 1366
+    assert panel._keys.sizeHint().height() < 700
+    assert qtbot is not None
+
+
+def test_a_row_of_the_table_has_a_menu(panel):
+    feed(panel)
+    names = [action.objectName() for action in panel.table.actions()]
+    assert names == ["fly", "to_control", "to_check", "to_off", "delete"]
+    assert panel.table.contextMenuPolicy() == Qt.ContextMenuPolicy.ActionsContextMenu
+    panel.table.selectRow(1)
+    panel.action("to_check").trigger()
+    assert [pair.role for pair in panel.model.pairs][:3] == ["control", "check", "control"]
+    panel.action("to_off").trigger()
+    assert panel.model.pairs[1].role == "off"
+    panel.model.undo()
+    assert panel.model.pairs[1].role == "check"
+    panel.action("fly").trigger()
 
 
 def test_what_can_be_done_follows_the_state_line(panel):

@@ -44,7 +44,7 @@ def test_two_clouds_ask_for_picks(model):
     assert line.enabled == {"open", "pick"}
 
 
-@pytest.mark.parametrize(("side", "other"), [("source", "target"), ("target", "source")])
+@pytest.mark.parametrize(("side", "other"), [("source", "reference"), ("target", "source")])
 def test_an_open_half_asks_for_the_other(model, side, other):
     picked(model, 3)
     model.place(side, [1, 1, 1])
@@ -190,7 +190,7 @@ def test_a_second_operator_is_led_from_pair_to_pair(model):
     begin_second_operator(model)
     assert state_line(model).text == "Second operator: 0 of 4 pairs picked again. Next: P1."
     model.place("source", [0, 0, 0])
-    assert state_line(model).text.startswith("P1: now click the same corner in the target view.")
+    assert state_line(model).text.startswith("P1: now click the same corner in the reference view.")
     model.place("target", [0, 0, 0.01])
     line = state_line(model)
     assert line.text == "Second operator: 1 of 4 pairs picked again. Next: P2."

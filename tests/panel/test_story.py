@@ -101,7 +101,7 @@ def test_the_whole_story(hand, site, tmp_path, monkeypatch):
         views.source.set_camera(views.target.camera.through(back))
         views.source.fly_to(tuple(near["source"]))
         hand.pick("source", near["source"])
-        assert "now click the same corner in the target view" in panel.line.text
+        assert "now click the same corner in the reference view" in panel.line.text
         hand.pick("target", near["target"])
         pair = model.pairs[-1]
         assert pair.is_complete

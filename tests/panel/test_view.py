@@ -448,6 +448,16 @@ def test_the_header_says_what_is_shown(shown, opened_tower):
     assert not view.legend.isVisible()
 
 
+@pytest.mark.parametrize(("by", "offers"), [((0, 0), True), ((60, 20), False)])
+def test_a_right_click_offers_a_menu_and_a_right_drag_moves(qtbot, shown, opened_tower, by, offers):
+    view = shown("target", opened_tower())
+    menu = view.header.more.menu()
+    drag(qtbot, view, *by, button=Right)
+    assert menu.isVisible() is offers
+    assert [each.text() for each in menu.actions()][:3] == ["Fit", "", "Front"]
+    menu.close()
+
+
 @pytest.mark.parametrize(("wide", "tools"), [(600, 5), (400, 4), (320, 3), (250, 2)])
 def test_a_narrow_header_keeps_the_name_and_drops_what_has_keys(shown, opened_tower, wide, tools):
     view = shown(opened=opened_tower(2000), size=(wide, 300))
