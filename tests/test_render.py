@@ -129,6 +129,7 @@ def test_a_table_of_many_rows_may_cross_pages_and_a_short_one_may_not():
         return Tags(to_html(table([("a", "1")] * n))).tags[0][1]["class"].split()
 
     assert "short" in kinds(5)
+    assert "short" in kinds(10)  # a similarity's rows, which nobody reads from two pages
     assert "short" not in kinds(300)
 
 

@@ -15,7 +15,7 @@ from trigpoint_reporting.blocks import Block, Cell, Entry, Passage, Picture, Tab
 TYPES = {"svg": "image/svg+xml", "png": "image/png"}
 # Tables up to so many rows stay on one page; ones of more columns, or of more letters across where
 # each column is as wide as its longest text up to some, are set smaller.
-SHORT_ROWS = 12
+SHORT_ROWS = 10
 WIDE_COLUMNS, WIDE_LETTERS, WIDE_TEXT = 7, 120, 36
 # Two tables stand side by side where each needs no more than so many letters across, of which a
 # column of words takes so many at most before it is wrapped; a text that would fill more than a few

@@ -108,10 +108,10 @@ def _differences(evidence: Evidence, names: tuple[str, ...], found: Mapping[str,
         [tuple(_row(evidence, stages)) for stages in rows],
         (
             "Paired: both from the same points of the reference. Difference: in percentage points, "
-            "in brackets the 95 % interval; one that holds zero is not told apart from none. "
-            "Not resolvable: a threshold not above the voxel."
-            f"{DISAGREE if any(_verdict(evidence, row.stored) == MIXED for row in told) else ''}"
-            f"{MOVED if any(map(_beside_its_interval, told)) else ''}",
+            "in brackets the 95 % interval; one that holds zero is not told apart from none."
+            f"{MOVED if any(map(_beside_its_interval, told)) else ''}"
+            " Not resolvable: a threshold not above the voxel."
+            f"{DISAGREE if any(_verdict(evidence, row.stored) == MIXED for row in told) else ''}",
         ),
     )
 
