@@ -15,8 +15,9 @@ from trigpoint_panel.scene import Scene
 
 # Pixels: half a mark, with its rim; how much larger a selected one is; a flagged one's ring.
 RADIUS, RIM, CHOSEN, RING = 5.5, 2.0, 1.4, 4.0
-# Letters, the space around them, and the longest name that is not shortened.
-LETTERS, PAD, LONGEST = 12, 5, 170
+# Letters, the space around them, and the longest name that is not shortened: pixels, and a share
+# of the view.
+LETTERS, PAD, LONGEST, SHARE = 12, 5, 170, 0.35
 # Pixels around a mark in which the mouse points at it.
 POINTED = 10.0
 
@@ -112,7 +113,8 @@ class MarkLayer(QtWidgets.QWidget):
                 self._paint_line(painter, k, pixels[k], rect)
         for k in order:
             self._paint_mark(painter, k, QtCore.QPointF(*pixels[k]))
-            if k not in rects and self.markers[k].label == self._pointed:
+            wanted = self.markers[k].selected or self.markers[k].label == self._pointed
+            if wanted and k not in rects:
                 rects[k] = self._beside(wishes[k])
         for k, rect in rects.items():
             self._paint_label(painter, k, rect)
@@ -125,7 +127,8 @@ class MarkLayer(QtWidgets.QWidget):
     def _text(self, k: int) -> str:
         marker = self.markers[k]
         middle = QtCore.Qt.TextElideMode.ElideMiddle
-        name = self.fontMetrics().elidedText(marker.label, middle, LONGEST)
+        longest = round(min(LONGEST, SHARE * self.width()))
+        name = self.fontMetrics().elidedText(marker.label, middle, longest)
         name = f"{name}: {marker.flag}" if marker.flag else name
         return f"({name})" if self.hidden[k] else name
 

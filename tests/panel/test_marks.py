@@ -147,6 +147,18 @@ def test_a_crowd_leaves_labels_out_and_the_mouse_brings_them_back(view):
     assert set(marks.labels) == set(shown)
 
 
+def test_the_selected_label_is_shown_even_where_there_is_no_room(view):
+    marks = view._stage.marks
+    view.set_markers([Marker(FRONT, "P1", selected=True)])
+    marks.keep_clear(view._stage.rect())
+    grabbed(view)
+    assert list(marks.labels) == ["P1"]
+    view.set_markers([Marker(FRONT, "P1")])
+    marks.keep_clear(view._stage.rect())
+    grabbed(view)
+    assert marks.labels == {}
+
+
 def test_a_long_name_is_shortened_and_stays_in_the_view(view):
     name = "north-west-corner-of-the-third-string-course-below-the-clock"
     view.set_markers([Marker(FRONT, name)])
