@@ -245,7 +245,7 @@ def test_a_pick_far_from_its_ghost_is_doubted_and_can_be_taken_back(panel, host)
     panel.views.target.picked.emit(Picked(far, 0.05, "", far))
     level, text, _, actions = host.said[-1]
     assert level == "warning"
-    assert text == "P6 in the target: 2.3 m from where 5 pairs put it. Keep?"
+    assert text == "P6 in the reference: 2.3 m from where 5 pairs put it. Keep?"
     actions["Undo"]()
     assert panel.model.pairs[-1].is_half_open
 
