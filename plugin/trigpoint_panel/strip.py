@@ -43,7 +43,7 @@ class Sentence(QPlainTextEdit):
         self._fits = False
         self._later = QTimer(self)
         self._later.setSingleShot(True)
-        self._later.timeout.connect(self.updateGeometry)
+        self._later.timeout.connect(self._tell)
         self.setObjectName("sentence")
         self.setReadOnly(True)
         self.setTabChangesFocus(True)
@@ -64,6 +64,13 @@ class Sentence(QPlainTextEdit):
         """Take the height that the new width asks for."""
         super().resizeEvent(event)
         self._fit()
+
+    def _tell(self) -> None:
+        """Tell every layout that this stands in how high it is now."""
+        widget: QWidget | None = self
+        while widget is not None and not widget.isWindow():
+            widget.updateGeometry()
+            widget = widget.parentWidget()
 
     def _fit(self) -> None:
         if self._fits:
