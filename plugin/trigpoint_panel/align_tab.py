@@ -7,13 +7,13 @@ from typing import cast
 
 import numpy as np
 from qtpy.QtCore import Signal
-from qtpy.QtWidgets import QApplication, QCheckBox, QComboBox, QDoubleSpinBox, QSpinBox, QWidget
+from qtpy.QtWidgets import QApplication, QCheckBox, QComboBox, QSpinBox, QWidget
 from scipy.spatial.transform import Rotation
 
 from trigpoint.consensus import Method
 from trigpoint.similarity import Similarity
 from trigpoint.trial import MOST_FOLDS, Trial
-from trigpoint_panel.forms import Tab, quietly, say
+from trigpoint_panel.forms import NumberBox, Tab, quietly, say
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Place
 from trigpoint_panel.statistics import Fit
@@ -82,7 +82,7 @@ class AlignTab(Tab):
         )
         self.method.setMinimumContentsLength(12)
         form.addRow("Method", self.method)
-        self.threshold = QDoubleSpinBox(self.inside)
+        self.threshold = NumberBox(self.inside)
         self.threshold.setRange(0.001, 1000)
         self.threshold.setDecimals(3)
         self.threshold.setSingleStep(0.05)

@@ -8,7 +8,6 @@ from qtpy.QtCore import Qt, Signal
 from qtpy.QtGui import QAction, QResizeEvent
 from qtpy.QtWidgets import (
     QComboBox,
-    QDoubleSpinBox,
     QLabel,
     QMenu,
     QSizePolicy,
@@ -18,6 +17,7 @@ from qtpy.QtWidgets import (
 )
 
 from trigpoint_panel.actions import COMMANDS
+from trigpoint_panel.forms import NumberBox
 from trigpoint_panel.icons import icon
 from trigpoint_panel.snapping import Mode
 from trigpoint_panel.style import Look
@@ -101,7 +101,7 @@ class Bar(QToolBar):
         for mode, text in SNAPS.items():
             self.snap.addItem(text, mode)
         self.addWidget(self.snap)
-        self.radius = QDoubleSpinBox(self)
+        self.radius = NumberBox(self)
         self.radius.setAccessibleName("Snap radius")
         self.radius.setToolTip("How far around the click snapping looks; auto: a few pixels.")
         self.radius.setRange(0, 100)

@@ -11,7 +11,6 @@ from qtpy.QtGui import QColor, QPainter, QPaintEvent
 from qtpy.QtWidgets import (
     QAbstractItemView,
     QComboBox,
-    QDoubleSpinBox,
     QFrame,
     QHeaderView,
     QLineEdit,
@@ -23,7 +22,7 @@ from qtpy.QtWidgets import (
 from trigpoint.comparison import Comparison
 from trigpoint.errors import TrigpointError
 from trigpoint.zones import height_zones
-from trigpoint_panel.forms import Tab, listed, numbers, quietly, say, show_text
+from trigpoint_panel.forms import NumberBox, Tab, listed, numbers, quietly, say, show_text
 from trigpoint_panel.measuring import Findings
 from trigpoint_panel.model import Model
 from trigpoint_panel.style import look_of
@@ -55,7 +54,7 @@ class ErrorsTab(Tab):
 
         self.heading("Distances, cloud to cloud")
         form = self.form()
-        self.voxel = QDoubleSpinBox(self.inside)
+        self.voxel = NumberBox(self.inside)
         self.voxel.setRange(0, 100)
         self.voxel.setDecimals(3)
         self.voxel.setSingleStep(0.05)
@@ -63,7 +62,7 @@ class ErrorsTab(Tab):
         self.voxel.setSpecialValueText("no thinning")
         self.voxel.setKeyboardTracking(False)
         form.addRow("Voxel", self.voxel)
-        self.margin = QDoubleSpinBox(self.inside)
+        self.margin = NumberBox(self.inside)
         self.margin.setRange(-1, 10_000)
         self.margin.setDecimals(1)
         self.margin.setSuffix(" m")

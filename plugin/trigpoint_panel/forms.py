@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
-from qtpy.QtCore import QObject, QSignalBlocker, Qt, Signal
+from qtpy.QtCore import QLocale, QObject, QSignalBlocker, Qt, Signal
 from qtpy.QtWidgets import (
+    QDoubleSpinBox,
     QFormLayout,
     QFrame,
     QHBoxLayout,
@@ -20,6 +22,17 @@ from qtpy.QtWidgets import (
 )
 
 from trigpoint.errors import TrigpointError
+
+
+class NumberBox(QDoubleSpinBox):
+    """A field for a number with a decimal point; a comma typed or pasted becomes one.
+
+    Refused, it would leave "0,05" as 005: five metres.
+    """
+
+    def validate(self, text: str, pos: int) -> Any:
+        """Look at what is typed, its comma read as a point."""
+        return super().validate(text.replace(",", "."), pos)
 
 
 class Tab(QScrollArea):
@@ -103,6 +116,17 @@ class Tab(QScrollArea):
         row.addStretch(1)
         self.column.addLayout(row)
         return made
+
+
+def with_points() -> QLocale:
+    """Return the locale of what the panel reads and writes, whatever the desktop's: points.
+
+    No separator of thousands, which elsewhere is what parts the decimals.
+    """
+    locale = QLocale.c()
+    option = QLocale.NumberOption
+    locale.setNumberOptions(option.RejectGroupSeparator | option.OmitGroupSeparator)
+    return locale
 
 
 def say(label: QLabel, text: str, level: str = "") -> None:

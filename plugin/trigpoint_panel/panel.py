@@ -21,6 +21,7 @@ from trigpoint_panel.desk import Desk
 from trigpoint_panel.errors_tab import ErrorsTab
 from trigpoint_panel.folders import demo_folder, scratch_folder
 from trigpoint_panel.foot import Foot
+from trigpoint_panel.forms import with_points
 from trigpoint_panel.hands import Hands
 from trigpoint_panel.help import KeysWindow
 from trigpoint_panel.host import Host
@@ -78,6 +79,7 @@ class Panel(QWidget):
     ) -> None:
         super().__init__(parent)
         self.setObjectName("trigpoint-panel")
+        self.setLocale(with_points())
         self.host = host
         self.model = model or Model()
         self.session = Session(self.model, scratch=scratch or scratch_folder())

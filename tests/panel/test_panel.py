@@ -10,10 +10,19 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 pytest.importorskip("pyvista", reason="the panel's packages are not installed")
 
-from qtpy.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from qtpy.QtCore import QLocale, QMimeData, QPoint, QPointF, Qt, QUrl
 from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics, QTextDocument
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton, QToolButton
+from qtpy.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QDockWidget,
+    QLabel,
+    QLineEdit,
+    QMainWindow,
+    QPushButton,
+    QToolButton,
+)
 
 from trigpoint.cloud import cloud_from
 from trigpoint.errors import CloudError, CrsError, RegionError
@@ -683,6 +692,56 @@ def test_typed_details_are_one_undoable_step_each(panel):
     assert panel.model.undo_text == "Change project details"
     panel.model.undo()
     assert tab.fields["title"].text() == ""
+
+
+@pytest.fixture
+def desktop(request):
+    """A desktop of another language."""
+    before = QLocale()
+    QLocale.setDefault(QLocale(request.param))
+    yield
+    QLocale.setDefault(before)
+
+
+@pytest.mark.usefixtures("desktop")
+@pytest.mark.parametrize("desktop", ["de_DE", "tr_TR", "en_US"], indirect=True)
+@pytest.mark.parametrize("typed", ["0.05", "0,05"])
+def test_five_centimetres_are_five_centimetres_on_every_desktop(host, qtbot, tmp_path, typed):
+    panel = Panel(host, scratch=tmp_path / "scratch", canvas="image")
+    window, dock = QMainWindow(), QDockWidget()
+    dock.setWidget(panel)
+    window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
+    qtbot.addWidget(window, before_close_func=lambda _: panel.shutdown())
+    window.show()
+    panel.bar.snap.setCurrentIndex(1)
+    tab = panel.align_tab
+    for floats in (False, True):
+        dock.setFloating(floats)
+        (dock if floats else window).resize(1700, 800)  # the toolbar hides what has no room
+        QApplication.processEvents()
+        for field in panel.findChildren(QAbstractSpinBox):
+            assert field.locale().decimalPoint() == "."
+        for front, field in (
+            (tab, tab.threshold),
+            (panel.errors_tab, panel.errors_tab.voxel),
+            (tab, panel.bar.radius),
+        ):
+            panel.tabs.setCurrentWidget(front)
+            field.setValue(7)
+            field.selectAll()
+            QTest.keyClicks(field, typed)
+            QTest.keyClick(field, Qt.Key.Key_Return)
+            assert field.value() == 0.05
+            field.setValue(7)
+            field.selectAll()
+            field.findChild(QLineEdit).insert(typed)  # as pasting does
+            field.interpretText()
+            assert field.value() == 0.05
+            assert field.text().startswith("0.05")
+    assert panel.model.state.alignment.threshold_m == 0.05
+    assert panel.model.state.comparison.voxel_m == 0.05
+    panel.model.set_alignment(trials=12_345)
+    assert tab.trials.text() == "12,345"
 
 
 def test_the_magnifier_is_on_while_z_is_held(panel, clouds, qtbot):
