@@ -18,7 +18,7 @@ from trigpoint_panel.camera import Camera, kept_camera
 from trigpoint_panel.exchange import export_picks, import_picks, import_points
 from trigpoint_panel.foot import Foot
 from trigpoint_panel.host import Action, Host
-from trigpoint_panel.jobs import Job, Tick, told
+from trigpoint_panel.jobs import CancelledError, Job, Tick, told
 from trigpoint_panel.model import Model
 from trigpoint_panel.opening import MOST, Opened, open_cloud
 from trigpoint_panel.pairs import CALLED, SIDES, Side
@@ -53,6 +53,7 @@ class Desk(QObject):
         self._session = session
         self._views = views
         self._foot = foot
+        self._sessions = 0  # opened so far: what was begun for one changes no other
 
     # Clouds ------------------------------------------------------------------------------------
 
@@ -85,24 +86,47 @@ class Desk(QObject):
             if path is not None:
                 self._load("source" if side == "source" else "target", path)
 
-    def choose_crs(self) -> None:
-        """Let the user assign a CRS to the reference, and read it again with that."""
-        self._host.choose_crs(self._model.state.crs, self.assign_crs)
+    def choose_crs(self, path: Path | None = None) -> None:
+        """Let the user assign a CRS to the reference, and read it, or `path` as it, with that."""
+        self._host.choose_crs(self._model.state.crs, lambda crs: self.assign_crs(crs, path))
 
-    def assign_crs(self, crs: str) -> None:
-        """Assign a CRS to the reference, and read it again with that."""
-        if self._changed(self._model.set_reference, crs=crs):
+    def assign_crs(self, crs: str, path: Path | None = None) -> None:
+        """Assign a CRS to the reference, and read it again with that.
+
+        Where `path` is another file than the reference, it becomes the reference with that CRS,
+        and what was the reference keeps its own until the other is there.
+        """
+        current = self._model.state.target_path
+        if path is not None and current not in (None, path):
             self._host.clear_messages()
-            path = self._model.state.target_path
-            if path is not None:
-                self._load("target", path)
+            self._load("target", path, named=True, assigned=crs)
+        elif self._changed(self._model.set_reference, crs=crs):
+            self._host.clear_messages()
+            if current is not None:
+                self._load("target", current)
+
+    def are_as_opened(self) -> bool:
+        """Whether the clouds on disk are the ones shown; if not, say so, and offer those."""
+        replaced = [
+            (side, opened.path)
+            for side in SIDES
+            if (opened := self._views.opened[side]) is not None and opened.has_changed
+        ]
+        for side, path in replaced:
+            self._host.message(
+                "warning",
+                f"{path.name} has changed since it was opened: open it again.",
+                "",
+                (("Open it again", partial(self._load, side, path)),),
+            )
+        return not replaced
 
     def save_aligned(self, path: Path | None = None) -> None:
         """Carry the whole source into the reference's frame, and write it."""
         state, similarity = self._model.state, self._model.similarity
         how = "the fit" if state.adopted is None else "the fit with ICP adopted"
         source = state.source_path
-        if source is None or similarity is None:
+        if source is None or similarity is None or not self.are_as_opened():
             return
         suggestion = f"{source.stem}-aligned{source.suffix}"
         target = path or self._host.save_file("Save the aligned cloud", CLOUDS, suggestion)
@@ -148,10 +172,15 @@ class Desk(QObject):
         if not path.name.endswith(SUFFIX):
             path = path.with_name(path.name.removesuffix(".json") + SUFFIX)
         self._session.cameras = {side: _kept(self._views.view(side).camera) for side in SIDES}
-        if self._changed(self._session.save, path):
-            self._host.message("success", f"Saved to {path}.")
-            return True
-        return False
+        try:
+            self._session.save(path, anew=elsewhere)
+        except (TrigpointError, OSError) as error:
+            ways = (("Save as…", partial(self.save, elsewhere=True)),)
+            self._host.message("error", told(error), "", ways)
+            return False
+        self._host.message("success", f"Saved to {path}.")
+        self.are_as_opened()  # the file names those that were picked on
+        return True
 
     def autosave(self) -> None:
         """Keep what would be lost in a crash."""
@@ -161,15 +190,13 @@ class Desk(QObject):
 
     def offer_recovery(self, path: Path | None = None) -> None:
         """Offer what a crash has left, if it has."""
-        for autosave in self._session.recoverable(path)[:1]:
+        found = [each for each in self._session.recoverable(path) if each != self._session.left]
+        for autosave in found[:1]:
             self._host.message(
                 "warning",
                 "Unsaved changes were left behind by a window that did not close.",
                 str(autosave),
-                (
-                    ("Restore", partial(self._recover, autosave)),
-                    ("Delete them", partial(self._changed, self._session.give_up, autosave)),
-                ),
+                self._ways_with(autosave),
             )
 
     def ask_project(self) -> None:
@@ -239,11 +266,22 @@ class Desk(QObject):
 
     # How it is done ----------------------------------------------------------------------------
 
-    def _load(self, side: Side, path: Path, *, named: bool = False) -> Job:
-        crs = self._model.state.crs or None
+    def _load(
+        self, side: Side, path: Path, *, named: bool = False, assigned: str | None = None
+    ) -> Job:
+        crs = assigned or self._model.state.crs or None
         most = int(self._host.setting("view/most", MOST))
+        asked = self._sessions
+
+        def is_wanted() -> bool:
+            """Whether the session is still the one that names it; what is to be named, always."""
+            state = self._model.state
+            now = state.source_path if side == "source" else state.target_path
+            return named or (asked == self._sessions and now == path)
 
         def work(tick: Tick) -> Opened:
+            if not is_wanted():
+                raise CancelledError
             return open_cloud(
                 path,
                 crs=crs if side == "target" else None,
@@ -252,13 +290,26 @@ class Desk(QObject):
                 progress=tick,
             )
 
-        job = self._begin(f"Opening {path.name}", work, self._help_with_crs)
-        if named:  # first: another file's survey would go with it
-            job.done.connect(lambda _: self._model.open_cloud(side, path))
-        job.done.connect(lambda opened: self._show(side, opened))
+        def take(opened: Opened) -> None:
+            if not is_wanted():
+                return
+            if named:  # first: another file's survey would go with it
+                self._model.open_cloud(side, path)
+            if assigned is not None:
+                self._changed(self._model.set_reference, crs=assigned)
+            self._show(side, opened)
+
+        # A source needs no CRS, and the reference's has nothing to do with it.
+        ways = self._ways_to_a_crs(path) if side == "target" else ()
+        job = self._begin(
+            f"Opening {path.name}", work, lambda error: ways if isinstance(error, CrsError) else ()
+        )
+        job.done.connect(take)
         return job
 
     def _show(self, side: Side, opened: Opened) -> None:
+        if opened.fingerprint is not None:
+            self._session.keep_fingerprint(opened.fingerprint)
         if side == "target":
             rng = np.random.default_rng(0)
             rows = rng.permutation(len(opened.cloud))[:PLACES]
@@ -273,17 +324,39 @@ class Desk(QObject):
             if of_crs and side == "source":
                 continue  # the fit carries it from whatever frame it is in
             text = f"{opened.path.name}: {advised(caution.code, caution.message)}"
-            self._host.message("warning", text, "", self._ways_to_a_crs() if of_crs else ())
+            self._host.message(
+                "warning", text, "", self._ways_to_a_crs(opened.path) if of_crs else ()
+            )
 
     def _take(self, opened: Any, path: Path) -> None:
-        for doubt in self._session.take(opened, path):
+        left = self._session.name
+        if not self._changed(self._session.take, opened, path):
+            return
+        self._sessions += 1
+        for doubt in opened.doubts:
             self._host.message("warning", doubt)
         self.load_clouds()
         self.offer_recovery(path)
+        self._tell_of_what_was_left(left)
 
     def _recover(self, autosave: Path) -> None:
+        left = self._session.name
         if self._changed(self._session.recover, autosave):
+            self._sessions += 1
             self.load_clouds()
+            self._tell_of_what_was_left(left)
+
+    def _tell_of_what_was_left(self, name: str) -> None:
+        kept = self._session.left
+        if kept is not None:
+            text = f"The changes to {name} were not saved, and are kept."
+            self._host.message("info", text, str(kept), self._ways_with(kept))
+
+    def _ways_with(self, autosave: Path) -> tuple[Action, ...]:
+        return (
+            ("Restore", partial(self._recover, autosave)),
+            ("Delete them", partial(self._changed, self._session.give_up, autosave)),
+        )
 
     def _carried(self, target: Path, found: Any, how: str) -> None:
         points, cautions = found
@@ -292,11 +365,8 @@ class Desk(QObject):
             self._host.message("warning", caution.message)
         self._host.add_layer(target, "cloud")
 
-    def _help_with_crs(self, error: BaseException | None) -> tuple[Action, ...]:
-        return self._ways_to_a_crs() if isinstance(error, CrsError) else ()
-
-    def _ways_to_a_crs(self) -> tuple[Action, ...]:
-        return (("Choose a CRS…", self.choose_crs),)
+    def _ways_to_a_crs(self, path: Path) -> tuple[Action, ...]:
+        return (("Choose a CRS…", partial(self.choose_crs, path)),)
 
     def _begin(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import hashlib
 import json
 import os
 from collections.abc import Collection, Mapping
@@ -60,6 +61,8 @@ class Opened:
         Of the files that were looked at.
     read : dict of Path to str or None
         SHA-256 of the project.toml and its picks as they were read; None: it was not there.
+    sha256 : str or None
+        Of the session's file itself.
     """
 
     state: State
@@ -68,6 +71,7 @@ class Opened:
     saved_as: Path | None
     fingerprints: Fingerprints
     read: dict[Path, str | None]
+    sha256: str | None
 
 
 def document_text(
@@ -158,7 +162,7 @@ def read_document(path: Path) -> Opened:
         In one sentence, if it can't be read or is no session.
     """
     folder = path.parent
-    document = _loaded(path)
+    document, sha256 = _loaded(path)
     try:
         if document.get("format") != FORMAT:
             refuse(f"its format is {shown(document.get('format'))}, not {FORMAT}")
@@ -192,12 +196,14 @@ def read_document(path: Path) -> Opened:
         session,
         known,
         read | changed,
+        sha256,
     )
 
 
-def _loaded(path: Path) -> dict[str, Any]:
+def _loaded(path: Path) -> tuple[dict[str, Any], str]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
+        content = path.read_bytes()
+        document = json.loads(content.decode("utf-8-sig"))
         # An escape can stand for half a letter, which no file or path can hold.
         json.dumps(document, ensure_ascii=False).encode()
     except OSError as error:
@@ -206,7 +212,7 @@ def _loaded(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         message = f"{path.name} is no session: it is not JSON, or was cut off."
         raise SessionError(message) from error
-    return document if isinstance(document, dict) else {}
+    return document if isinstance(document, dict) else {}, hashlib.sha256(content).hexdigest()
 
 
 def _files(project: Project) -> dict[str, Path]:

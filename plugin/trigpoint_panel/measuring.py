@@ -18,6 +18,7 @@ from trigpoint.preparation import Reference, Thinned, prepare, thin
 from trigpoint.similarity import Similarity
 from trigpoint.surface import Surface
 from trigpoint.trial import Trial
+from trigpoint_panel.fingerprints import content_of
 from trigpoint_panel.jobs import Tick
 from trigpoint_panel.projects import reference_crs
 from trigpoint_panel.state import State
@@ -54,9 +55,9 @@ class Bench:
     """Where clouds are measured; what was made ready stays as long as the same is asked again."""
 
     def __init__(self) -> None:
-        self._asked: object = None
-        self._reference: Reference | None = None
-        self._surface: Surface | None = None
+        # Each beside what it was made of: a thread that nobody waits for any more may store late.
+        self._made: tuple[object, Reference] | None = None
+        self._surface: tuple[Reference, Surface] | None = None
 
     def compare(
         self,
@@ -109,9 +110,10 @@ class Bench:
         """
         reference, thinned = self._ready(tick, state, alignment.similarity)
         tick(None, "Putting rigid ICP on trial")
-        if self._surface is None:
-            self._surface = Surface(reference.cloud.coordinates)
-        return try_icp(thinned, self._surface, alignment)
+        kept = self._surface
+        if kept is None or kept[0] is not reference:
+            kept = self._surface = reference, Surface(reference.cloud.coordinates)
+        return try_icp(thinned, kept[1], alignment)
 
     def _ready(self, tick: Tick, state: State, similarity: Similarity) -> tuple[Reference, Thinned]:
         given, settings = state.project.reference, state.comparison
@@ -119,9 +121,10 @@ class Bench:
         if source is None or target is None:
             message = "Two clouds are needed: open a source and a reference."
             raise ProjectError(message)
-        asked = (given, settings.voxel_m, settings.zones, settings.margin_m, _age(target))
-        reference = self._reference
-        if reference is None or asked != self._asked:
+        region = None if given.region is None else content_of(given.region)
+        asked = (given, settings.voxel_m, settings.zones, settings.margin_m, _age(target), region)
+        made = self._made
+        if made is None or made[0] != asked:
             tick(0.0, f"Reading {target.name}")
             reference = prepare(
                 target,
@@ -131,11 +134,12 @@ class Bench:
                 region=given.region,
                 crs=reference_crs(state.project),
             )
-            self._reference, self._surface, self._asked = reference, None, asked
+            made = self._made = asked, reference
+        reference = made[1]
         tick(0.3, f"Reading {source.name}")
         return reference, thin(source, reference, similarity=similarity)
 
 
-def _age(path: Path) -> tuple[int, int]:
+def _age(path: Path) -> tuple[int, ...]:
     about = path.stat()
-    return about.st_mtime_ns, about.st_size
+    return about.st_mtime_ns, about.st_ctime_ns, about.st_size, about.st_ino

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cloud import PointCloud, concatenate
-from trigpoint.errors import CrsError
+from trigpoint.errors import CloudError, CrsError
 from trigpoint.files import CloudInfo, describe, stream
+from trigpoint.picks import FARTHEST
+from trigpoint_panel.fingerprints import Fingerprint, fingerprint_of, stamp_of
 
 # What colours are made of; whatever else a file holds stays in the file.
 KEPT = frozenset({"red", "green", "blue", "intensity", "classification", "distance_m"})
@@ -32,10 +34,18 @@ class Opened:
         What the file is; `info.points` counts all of its points.
     cloud : PointCloud
         The points shown: an even random share of the file's, each at full precision.
+    fingerprint : Fingerprint or None
+        Of the file as it was read.
     """
 
     info: CloudInfo
     cloud: PointCloud
+    fingerprint: Fingerprint | None = None
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether the file is there and holds something else than what was read."""
+        return self.fingerprint is not None and self.fingerprint.is_outdated
 
     @property
     def path(self) -> Path:
@@ -86,7 +96,8 @@ def open_cloud(
     Raises
     ------
     CloudError
-        If the file is no point cloud, is damaged or cut short, or holds no point.
+        If the file is no point cloud, is damaged or cut short, holds no point or one farther away
+        than a pick may be, or changes while it is read.
     CrsError
         If the CRS is missing where it is needed, or counts in degrees.
     """
@@ -99,16 +110,35 @@ def open_cloud(
         message = f"{path.name} has no CRS: choose one, because the reference needs it."
         raise CrsError(message)
     share = most / max(info.points, 1)
+    before = stamp_of(path)
     kept: list[PointCloud] = []
     read = 0
     for piece in pieces:
         rows = _chosen(read, len(piece), share)
+        _refuse_far(path, piece)
         attributes = {n: v for n, v in piece.attributes.items() if n in KEPT}
         slim = PointCloud(piece.xyz, piece.origin, attributes, piece.crs)
         kept.append(slim if share >= 1 else slim.take(rows))
         read += len(piece)
         tell(min(read / max(info.points, 1), 1.0), f"Reading {path.name}")
-    return Opened(info, concatenate(kept))
+    fingerprint = fingerprint_of(path)
+    if fingerprint.stamp != before:
+        message = f"{path.name} has changed while it was read: open it again once it is complete."
+        raise CloudError(message)
+    return Opened(info, concatenate(kept), fingerprint)
+
+
+def _refuse_far(path: Path, piece: PointCloud) -> None:
+    """Refuse coordinates that no pick may have; nothing could be shown of them either."""
+    if len(piece) == 0:
+        return
+    ends = np.array([piece.xyz.min(axis=0), piece.xyz.max(axis=0)]) + piece.origin
+    if not (np.abs(ends) <= FARTHEST).all():  # NaN is not below anything either
+        message = (
+            f"{path.name} has coordinates of up to {np.abs(ends).max():.3g}, and they may reach "
+            f"{FARTHEST:.0e} at most: it is damaged, or in another unit."
+        )
+        raise CloudError(message)
 
 
 def _chosen(start: int, count: int, share: float) -> NDArray[np.intp]:

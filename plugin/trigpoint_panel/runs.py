@@ -91,7 +91,7 @@ class Runs(QObject):
         """Measure accuracy and completeness of the source as the views show it."""
         source, target = self._views.opened["source"], self._views.opened["target"]
         similarity, state = self._model.similarity, self._model.state
-        if source is None or target is None or similarity is None:
+        if source is None or target is None or similarity is None or not self._desk.are_as_opened():
             return None
         asked = question(self._model)
         job = Job(
@@ -107,7 +107,7 @@ class Runs(QObject):
     def try_icp(self) -> Job | None:
         """Put ICP on trial on the fit."""
         alignment, state = self._model.fit.alignment, self._model.state
-        if alignment is None:
+        if alignment is None or not self._desk.are_as_opened():
             return None
         job = Job("ICP", lambda tick: self._bench.try_icp(tick, state, alignment))
         job.done.connect(lambda trial: self._align_tab.set_trial(trial, alignment))
@@ -118,7 +118,7 @@ class Runs(QObject):
         """Write the project, and run the audit on it in a process of its own."""
         self._report_tab.take_limitations()
         self._show(self._report_tab)
-        if not self._desk.project_written():
+        if not (self._desk.are_as_opened() and self._desk.project_written()):
             return None
         project, python = self._model.state.project, self._host.python()
         asked = self._model.state

@@ -15,7 +15,7 @@ from trigpoint_panel.documents import (
     document_text,
     read_document,
 )
-from trigpoint_panel.fingerprints import Fingerprints, content_of
+from trigpoint_panel.fingerprints import Fingerprint, Fingerprints, content_of
 from trigpoint_panel.model import Model
 from trigpoint_panel.ownership import Ownership, is_owned, own
 from trigpoint_panel.projects import contents, state_from_project, write_project
@@ -43,7 +43,7 @@ def read_session(path: Path | str, *, reconstruction: str = "") -> Opened:
         return read_document(path)
     read = content_of(path)
     state, doubts = state_from_project(path, reconstruction=reconstruction)
-    return Opened(state, {}, doubts, None, Fingerprints(), {**contents(state), path: read})
+    return Opened(state, {}, doubts, None, Fingerprints(), {**contents(state), path: read}, None)
 
 
 class Session:
@@ -56,6 +56,8 @@ class Session:
         Of the session's file; None until it is saved.
     cameras : dict
         Of each view, as JSON can hold it: saved, and given back.
+    left : Path or None
+        Where the changes are kept that were not saved when another session was opened.
     """
 
     def __init__(self, model: Model, *, scratch: Path) -> None:
@@ -63,9 +65,10 @@ class Session:
         self.model = model
         self.path: Path | None = None
         self.cameras: dict[str, Any] = {}
+        self.left: Path | None = None
         self._scratch = scratch
-        # Two windows without a file do not share an autosave.
-        self._unsaved = scratch / f"unsaved-{uuid.uuid4().hex[:8]}{SUFFIX}~"
+        self._unsaved = _unsaved(scratch)
+        self._file: str | None = None  # SHA-256 of the session's file as it was read or written
         self._known = Fingerprints()
         self._read: dict[Path, str | None] = {}
         self._saved: State | None = _content(model.state)
@@ -95,28 +98,53 @@ class Session:
         return self.take(read_session(path), path)
 
     def take(self, opened: Opened, path: Path | str) -> tuple[str, ...]:
-        """Take over what `read_session` read, in a worker perhaps, from `path`."""
-        self.discard_autosave()
-        path = Path(path).absolute()
-        self.path = None if path.suffix.lower() == ".toml" else path
-        self._take(opened)
-        self._saved = _content(self.model.state)
-        return opened.doubts
+        """Take over what `read_session` read, in a worker perhaps, from `path`.
 
-    def save(self, path: Path | str | None = None) -> None:
-        """Save to `path`, by default where it was saved before; the autosave goes.
+        What is not saved stays autosaved, in `left`.
 
         Raises
         ------
         SessionError
-            If there is no path yet, or it can't be written.
+            If it can't be kept; the model is as it was.
+        """
+        self._set_aside()
+        path = Path(path).absolute()
+        self.path = None if path.suffix.lower() == ".toml" else path
+        self._file = opened.sha256
+        self._take(opened)
+        self._saved = _content(self.model.state)
+        return opened.doubts
+
+    def keep_fingerprint(self, fingerprint: Fingerprint) -> None:
+        """Have the session's file name a cloud as it was opened, not as it is on disk by then."""
+        self._known.keep(fingerprint)
+
+    def save(self, path: Path | str | None = None, *, anew: bool = False) -> None:
+        """Save to `path`, by default where it was saved before; the autosave goes.
+
+        Parameters
+        ----------
+        path : path, optional
+        anew : bool
+            Also over what somebody else has written there since it was read.
+
+        Raises
+        ------
+        SessionError
+            If there is no path yet, it can't be written, or another window has written it.
         """
         to = self.path if path is None else Path(path).absolute()
         if to is None:
             message = "This session has no file yet: give it one."
             raise SessionError(message)
+        if not anew and self._is_anothers(to):
+            message = (
+                f"{to.name} has changed since it was read, in another window perhaps: "
+                "save under another name, or open it again."
+            )
+            raise SessionError(message)
         self._write(to, self.model.state)
-        self.path = to
+        self.path, self._file = to, content_of(to)
         self._saved = _content(self.model.state)
         # What a crash left there and nobody wanted back is older now than what was saved.
         self._own(_beside(to))
@@ -194,8 +222,15 @@ class Session:
         except SessionError:
             self._autosaved.pop(autosave).release()
             raise
-        self._discard(but=autosave)
+        owned = self._autosaved.pop(autosave)  # lest it is put aside as well
+        try:
+            self._set_aside()
+        except SessionError:
+            owned.release()
+            raise
+        self._autosaved[autosave] = owned
         self.path = opened.saved_as
+        self._file = None if self.path is None else content_of(self.path)
         self._take(opened)
         self._saved = None
         return opened.doubts
@@ -253,11 +288,32 @@ class Session:
         given = replace(saved.given, picks=now.given.picks)
         saved = replace(saved, project=replace(with_given(saved, given), path=now.project.path))
         if self.path is not None and _content(saved) != self._saved:
+            if self._is_anothers(self.path):
+                return  # there is something left to save
             try:
                 self._write(self.path, saved)
             except SessionError:
-                return  # there is something left to save
+                return
+            self._file = content_of(self.path)
         self._saved = _content(saved)
+
+    def _is_anothers(self, path: Path) -> bool:
+        """Whether somebody has written the session's file since it was read or written here."""
+        return path == self.path and content_of(path) not in (None, self._file)
+
+    def _set_aside(self) -> None:
+        """Keep what is not saved for whoever wants it back, and let go of it."""
+        self.left = None
+        if not self.is_modified:
+            self.discard_autosave()
+            return
+        said = self.autosave()
+        if said:
+            message = f"{self.name} has changes that are not saved, and can't be kept: {said}"
+            raise SessionError(message)
+        (self.left,) = self._autosaved
+        self.leave()
+        self._unsaved = _unsaved(self._scratch)
 
     def _own(self, autosave: Path) -> bool:
         """Take hold of an autosave; False: another window has it."""
@@ -299,6 +355,11 @@ class Session:
         except OSError as error:
             message = f"{to.name} can't be written: {error.strerror or error}."
             raise SessionError(message) from error
+
+
+def _unsaved(scratch: Path) -> Path:
+    """Return where to autosave what has no file: no two windows share a place."""
+    return scratch / f"unsaved-{uuid.uuid4().hex[:8]}{SUFFIX}~"
 
 
 def _beside(path: Path) -> Path:

@@ -154,8 +154,8 @@ def with_given(state: State, given: ReconstructionInput) -> Project:
 
 
 def with_paths_of(current: State, state: State) -> State:
-    """Return a former state with the clouds that are open now."""
-    source = replace(state.given, path=current.given.path)
+    """Return a former state with the clouds that are open now, and the files it is written to."""
+    source = replace(state.given, path=current.given.path, picks=current.given.picks)
     project = replace(with_given(state, source), path=current.project.path)
     reference = replace(project.reference, path=current.project.reference.path)
     return replace(state, project=replace(project, reference=reference))

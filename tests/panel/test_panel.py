@@ -1,8 +1,11 @@
+import hashlib
 import json
+import os
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import laspy
 import numpy as np
 import pyproj
 import pytest
@@ -34,6 +37,7 @@ from trigpoint_panel.actions import COMMANDS, keys_told
 from trigpoint_panel.auditing import Audited
 from trigpoint_panel.jobs import Job, Pool, told
 from trigpoint_panel.panel import Panel
+from trigpoint_panel.session import read_session
 from trigpoint_panel.style import DARK, LIGHT, apply_theme
 from trigpoint_reporting.elevations import LIMIT_M, distance_colours
 
@@ -299,6 +303,130 @@ def test_a_cloud_without_crs_can_be_given_one(panel, host, clouds, qtbot):
     panel.open_cloud("target", clouds / "nowhere.laz")
     qtbot.waitUntil(lambda: panel.views.opened["target"] is not None, timeout=10_000)
     assert panel.model.survey is not None
+
+
+def test_a_crs_is_offered_for_the_reference_alone_and_goes_with_its_file(
+    panel, host, clouds, qtbot
+):
+    load(panel, clouds, qtbot)
+    bare = clouds / "nowhere.laz"
+    panel.open_cloud("target", bare)
+    qtbot.waitUntil(lambda: bool(host.said), timeout=10_000)
+    _, text, _, actions = host.said[-1]
+    assert "nowhere.laz" in text
+    host.answers.append("EPSG:32614")
+    actions["Choose a CRS…"]()
+    assert panel.model.state.crs == ""  # the reference that is open keeps its own
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=10_000)
+    assert panel.model.state.crs == "EPSG:32614"
+    assert panel.model.state.target_path == panel.views.opened["target"].path == bare
+    panel.model.set_reference(crs="")
+
+    degrees = clouds / "degrees.laz"
+    las = laspy.read(bare)
+    las.header.add_crs(pyproj.CRS("EPSG:4326"))
+    las.write(degrees)
+    for side, offered in (("source", []), ("target", ["Choose a CRS…"])):
+        host.clear_messages()
+        panel.open_cloud(side, degrees)
+        qtbot.waitUntil(lambda: panel.foot.job is None, timeout=10_000)
+        (said,) = host.said
+        assert "degrees.laz" in said[1]
+        assert list(said[3]) == offered
+
+
+def test_only_what_the_session_names_comes_into_the_views(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    for name, folder in (("a", clouds), ("b", clouds / "b")):
+        folder.mkdir(exist_ok=True)
+        host.answers.append(folder / name)
+        panel.desk.save(elsewhere=True)
+    text = (clouds / "b" / "b.trig.json").read_text("utf-8")
+    (clouds / "b" / "b.trig.json").write_text(text.replace("../", ""), "utf-8")
+    panel.open_session(clouds / "a.trig.json")
+    panel.open_session(clouds / "b" / "b.trig.json")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert panel.title == "b.trig.json"
+    assert panel.views.opened == {"source": None, "target": None}
+    assert any("b/utm.laz" in text.replace("\\", "/") for _, text, *_ in host.said)
+
+    panel.open_session(clouds / "a.trig.json")
+    panel.open_cloud("source", clouds / "utm.laz")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert panel.model.state.source_path == clouds / "utm.laz"
+    assert panel.views.opened["source"].path == clouds / "utm.laz"
+
+
+def test_a_cloud_replaced_on_disk_is_noticed_before_it_is_measured_or_audited(
+    panel, host, clouds, qtbot
+):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    path = clouds / "utm.laz"
+    before = path.read_bytes()
+    os.utime(path, ns=(1, 1))  # copied, not changed
+    assert panel.desk.are_as_opened()
+    write(path, cloud_from(TRUTH(CORNERS), crs=pyproj.CRS("EPSG:32615")))
+    said = "utm.laz has changed since it was opened: open it again."
+    for act in (panel.compare, panel.try_icp, panel.make_report):
+        host.clear_messages()
+        assert act() is None
+        assert [text for _, text, *_ in host.said] == [said]
+    host.answers.append(clouds / "mine")
+    assert panel.desk.save()
+    assert [text for _, text, *_ in host.said][-1] == said
+    record = json.loads((clouds / "mine.trig.json").read_text("utf-8"))["files"]["reference"]
+    assert record["sha256"] == hashlib.sha256(before).hexdigest()
+    doubts = read_session(clouds / "mine.trig.json").doubts
+    assert doubts == ("utm.laz has changed since the session was saved: its picks may not fit it.",)
+    host.said[-1][3]["Open it again"]()
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert panel.views.opened["target"].total == len(CORNERS)
+    assert panel.desk.are_as_opened()
+
+
+def test_what_was_not_saved_is_kept_when_another_session_is_opened(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    host.answers.append(clouds / "mine")
+    panel.desk.save()
+    feed(panel)
+    pairs = panel.model.pairs
+    host.clear_messages()
+    panel.open_session(clouds / "mine.trig.json")
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    assert panel.model.pairs == ()
+    ((_, text, _, ways),) = host.said
+    assert text == "The changes to mine.trig.json were not saved, and are kept."
+    panel.model.place("source", (1, 2, 3))
+    panel.desk.autosave()
+    ways["Restore"]()  # and what was done since is kept in its turn
+    assert panel.model.pairs == pairs
+    ways = host.said[-1][3]
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+    ways["Restore"]()
+    assert [pair.source for pair in panel.model.pairs] == [(1, 2, 3)]
+    host.said[-1][3]["Delete them"]()
+    assert panel.session.recoverable() == ()
+    qtbot.waitUntil(lambda: panel.foot.job is None, timeout=20_000)
+
+
+def test_a_session_that_another_window_has_saved_is_not_overwritten(panel, host, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    host.answers.append(clouds / "mine")
+    panel.desk.save()
+    saved = clouds / "mine.trig.json"
+    saved.write_text(saved.read_text("utf-8") + "\n", "utf-8")
+    theirs = saved.read_bytes()
+    feed(panel)
+    assert not panel.desk.save()
+    _, text, _, ways = host.said[-1]
+    assert text.startswith("mine.trig.json has changed since it was read, in another window")
+    assert saved.read_bytes() == theirs
+    host.answers.append(clouds / "ours")
+    assert ways["Save as…"]()
+    assert panel.title == "ours.trig.json"
+    assert panel.desk.save()
 
 
 @pytest.mark.parametrize("spoil", ["empty", "truncated", "gone"])
