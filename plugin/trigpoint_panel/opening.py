@@ -104,8 +104,14 @@ def open_cloud(
     tell = progress or (lambda _fraction, _message: None)
     path = Path(path)
     tell(0.0, f"Opening {path.name}")
-    pieces = stream(path, crs=crs, chunk=CHUNK)  # refuses degrees before anything is read
-    info = describe(path, crs=crs)
+    try:
+        pieces = stream(path, crs=crs, chunk=CHUNK)  # refuses degrees before anything is read
+        info = describe(path, crs=crs)
+    except CrsError as error:
+        if path.name in str(error):
+            raise
+        message = f"{path.name}: {error}"
+        raise CrsError(message) from error
     if needs_crs and info.crs is None:
         message = f"{path.name} has no CRS: choose one, because the reference needs it."
         raise CrsError(message)

@@ -140,3 +140,11 @@ def test_every_refusal_is_one_line(survey, tmp_path):
         with pytest.raises((CloudError, CrsError)) as refusal:
             work()
         assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("height", [1e13, 1e300])
+def test_coordinates_beyond_what_a_pick_may_have_are_refused(tmp_path, height):
+    path = tmp_path / "far.xyz"
+    path.write_text(f"0 0 0\n1 1 {height}\n2 2 2\n")
+    with pytest.raises(CloudError, match=r"^far.xyz has coordinates of up to 1e\+"):
+        open_cloud(path)

@@ -323,13 +323,15 @@ def test_a_crs_is_offered_for_the_reference_alone_and_goes_with_its_file(
     panel.model.set_reference(crs="")
 
     degrees = clouds / "degrees.laz"
-    las = laspy.read(bare)
+    write(degrees, cloud_from(CORNERS))
+    las = laspy.read(degrees)
     las.header.add_crs(pyproj.CRS("EPSG:4326"))
     las.write(degrees)
     for side, offered in (("source", []), ("target", ["Choose a CRS…"])):
         host.clear_messages()
         panel.open_cloud(side, degrees)
         qtbot.waitUntil(lambda: panel.foot.job is None, timeout=10_000)
+        assert panel.views.opened[side].path != degrees
         (said,) = host.said
         assert "degrees.laz" in said[1]
         assert list(said[3]) == offered
