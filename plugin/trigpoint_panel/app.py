@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
+import signal
 import sys
 import traceback
 from pathlib import Path
@@ -14,26 +15,32 @@ from typing import TYPE_CHECKING, NoReturn
 import trigpoint
 
 if TYPE_CHECKING:
+    from qtpy.QtCore import QTimer
     from qtpy.QtWidgets import QApplication
 
     from trigpoint_panel.style import Theme
     from trigpoint_panel.window import Window
 
-NEEDED = ("qtpy", "pyvista", "pyvistaqt", "vtkmodules")
+NEEDED = ("qtpy", "pyvista", "pyvistaqt", "vtkmodules", "matplotlib")
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+# Python hears of a signal only when it runs, and while nothing happens Qt runs alone.
+LISTEN_MS = 200
 INSTALL = 'pip install "trigpoint[panel]"'
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the panel: 0 when its window is closed, 2 where it can't be shown."""
     given = _parser().parse_args(arguments)
-    lacking = missing()
+    lacking = missing() or no_display()
     if lacking:
         print(f"trigpoint-panel: {lacking}", file=sys.stderr)
         sys.exit(2)
     application, window = start(given.project, demo=given.demo, theme=given.theme)
     sys.excepthook = window.report
     window.show()
+    listening = close_on_interrupt(window)
     code = application.exec()
+    listening.stop()
     still_working = not window.end()
     sys.stdout.flush()
     sys.stderr.flush()
@@ -52,6 +59,29 @@ def missing() -> str:
             return f"Qt can't be loaded ({error}). Install what the panel needs: {INSTALL}"
         return ""
     return f"{', '.join(lacking)} missing. Install what the panel needs: {INSTALL}"
+
+
+def no_display() -> str:
+    """Say that there is nothing to show a window on, where Qt would abort the process."""
+    if not sys.platform.startswith("linux") or any(map(os.environ.get, DISPLAYS)):
+        return ""
+    return "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): start it on a desktop."
+
+
+def close_on_interrupt(window: Window) -> QTimer:
+    """Have Ctrl+C in the terminal close the window; pressed while it asks, it ends the process."""
+    from qtpy.QtCore import QTimer
+
+    def close(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        if not window.close():
+            signal.signal(signal.SIGINT, close)
+
+    signal.signal(signal.SIGINT, close)
+    listening = QTimer(window)
+    listening.timeout.connect(lambda: None)
+    listening.start(LISTEN_MS)
+    return listening
 
 
 def start(

@@ -342,3 +342,39 @@ def test_the_process_ends_when_its_window_closes(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert Path(tmp_path).is_dir()
+
+
+def started(tmp_path, code, **more):
+    """Run the panel in a process of its own, as a terminal does."""
+    place = dict.fromkeys(("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME"), str(tmp_path))
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **place, **more},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are Linux's")
+def test_without_a_display_it_says_so_in_one_sentence(tmp_path):
+    nowhere = dict.fromkeys(app.DISPLAYS, "")
+    done = started(tmp_path, "from trigpoint_panel import app; app.main([])", **nowhere)
+    assert done.returncode == 2
+    assert done.stderr.startswith("trigpoint-panel: There is no display (")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
+def test_an_interrupt_closes_the_window(tmp_path):
+    code = (
+        "import os, signal; from qtpy.QtCore import QTimer; from trigpoint_panel import app;"
+        "begin = app.close_on_interrupt;"
+        "later = lambda: os.kill(os.getpid(), signal.SIGINT);"
+        "app.close_on_interrupt = lambda w: (QTimer.singleShot(1000, later), begin(w))[1];"
+        "app.main([])"
+    )
+    done = started(tmp_path, code)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
