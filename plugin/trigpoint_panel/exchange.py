@@ -83,6 +83,9 @@ def with_picks(
     """
     picks = read_picks(path, crs=crs)
     added = from_picks(picks)
+    if not added:
+        message = f"{Path(path).name} holds a header and no picks: there is nothing to take."
+        raise PicksError(message)
     taken = sorted({pair.id for pair in pairs} & {pair.id for pair in added})
     if taken:
         message = (

@@ -206,12 +206,16 @@ def write_project(
             if not _says(text, project):
                 text = project_toml(project)
             project_from(tomllib.loads(text), path)  # refused before anything is written
+        if picks_path is not None and not holds:  # first: a project without its picks is none
+            write_picks(picks_path, to_picks(pairs), crs=crs)
+        if not says:
             write_text(path, text)
+    except UnicodeDecodeError as error:
+        message = f"{path.name} is not UTF-8 text any more: save it as UTF-8, or save elsewhere."
+        raise ProjectError(message) from error
     except OSError as error:
         message = f"{path.name} can't be written: {error.strerror or error}."
         raise ProjectError(message) from error
-    if picks_path is not None and not holds:
-        write_picks(picks_path, to_picks(pairs), crs=crs)
     return read_project(path)
 
 

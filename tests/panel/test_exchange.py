@@ -184,3 +184,14 @@ def test_imported_picks_fit_as_they_do_on_the_command_line(tmp_path):
     import_picks(other, tmp_path / "picks.csv")
     assert other.pairs == model.pairs
     assert other.fit.rmse_m == model.fit.rmse_m
+
+
+@pytest.mark.parametrize("replacing", [False, True])
+def test_picks_of_a_header_alone_take_nothing_away(tmp_path, replacing):
+    model = Model()
+    model.place("source", [0, 0, 0])
+    path = tmp_path / "p.csv"
+    path.write_text("id,source_x,source_y,source_z,target_x,target_y,target_z\n")
+    with pytest.raises(PicksError, match=r"^p.csv holds a header and no picks: "):
+        import_picks(model, path, replacing=replacing)
+    assert len(model.pairs) == 1

@@ -18,6 +18,7 @@ from trigpoint.project import (
     read_project,
 )
 from trigpoint.starter import PICKS, PROJECT
+from trigpoint_panel import projects
 from trigpoint_panel.exchange import import_picks
 from trigpoint_panel.model import Model
 from trigpoint_panel.pairs import Pair
@@ -214,3 +215,44 @@ def test_a_checked_project_keeps_its_paths_and_tuples(tmp_path):
     assert checked(loose).comparison.zones == (0.5,)
     with pytest.raises(ProjectError, match="zones"):
         checked(replace(project, comparison=replace(project.comparison, zones=(0.6, 0.3))))
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
+def test_a_project_saved_in_another_encoding_is_refused_in_one_sentence(small_project, encoding):
+    path, _ = small_project()
+    state, _ = state_from_project(path)
+    path.write_bytes(("# größer\n" + path.read_text("utf-8")).encode(encoding))
+    before = path.read_bytes()
+    with pytest.raises(ProjectError, match=r"^project.toml is not UTF-8 text any more: "):
+        write_project(replace(state, pairs=state.pairs[1:]), path)
+    assert path.read_bytes() == before
+
+
+def test_a_project_whose_picks_can_not_be_written_stays_as_it_was(small_project, monkeypatch):
+    path, _ = small_project()
+    state, _ = state_from_project(path)
+    before = path.read_bytes()
+
+    def refuse(*_, **__):
+        message = "picks.csv can't be written: No space left on device."
+        raise TrigpointError(message)
+
+    monkeypatch.setattr(projects, "write_picks", refuse)
+    changed = replace(state.project, comparison=replace(state.comparison, voxel_m=0.7))
+    with pytest.raises(TrigpointError, match="No space left"):
+        write_project(replace(state, project=changed, pairs=state.pairs[1:]), path)
+    assert path.read_bytes() == before
+
+
+def test_a_project_is_written_again_after_each_undo(tmp_path):
+    (tmp_path / "picks.csv").write_text("mine")
+    model = Model()
+    model.open_cloud("source", tmp_path / "n.ply")
+    model.open_cloud("target", tmp_path / "l.laz")
+    for k in range(3):
+        model.place("source", [k, 0, 0])
+        model.place("target", [k, 1, 0])
+    for _ in range(3):
+        model.set_project(write_project(model.state, tmp_path / "project.toml"))
+        assert model.state.given.picks == tmp_path / "project-picks.csv"
+        model.undo()
