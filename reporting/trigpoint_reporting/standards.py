@@ -23,6 +23,10 @@ WORDING_CHECKED_ON = (
     "members, was not consulted"
 )
 BLANK = "___"
+HORIZONTAL = (
+    "For what is not tested the standard has a horizontal form only; the class asked for is one in "
+    "space. "
+)
 NO_CLASS = (
     "no limit on checks.total_m or checks.rmse_m asks for an accuracy class, so no sentence of the "
     "standard is quoted. "
@@ -159,10 +163,11 @@ def accuracy_statement(evidence: Evidence, name: str) -> list[Passage]:
         tested, class_cm=100 * asked, tested_cm=None if total is None else 100 * total
     )
     blank = f"{BLANK}: not tested. " if BLANK in sentence else ""
+    form = "" if tested else HORIZONTAL
     return [
         Passage((f"{name}: “{sentence}”",)),
         Passage(
-            (*_why(count, rule), f"{blank}Source of the wording: section 2."),
+            (*_why(count, rule), f"{form}{blank}Source of the wording: section 2."),
             "note",
         ),
     ]

@@ -115,6 +115,7 @@ def test_what_the_check_picks_were_read_with_is_part_of_what_they_are_good_to(wi
         assert f"per axis 0.05 m of the reference and {sigma:.3f} m of picking" in told(evidence)
         assert ("RMSE_3D = 17.7(cm)" in told(evidence)) is holds
     assert "0.149 m in space" in told(evidence)
+    assert "has a horizontal form only; the class asked for is one in space" in told(evidence)
     assert "produced to meet" in told(evidence)
     shown = " ".join(map(to_text, purpose(evidence)))
     assert "1.7" in shown
