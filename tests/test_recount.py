@@ -66,8 +66,8 @@ def test_every_number_that_the_tables_determine_is_counted_again(evidence):
         "RMSE at the picks; the same by degrees of freedom",
         "Leave-one-out RMSE; largest change of scale",
         "RMSE at the check picks",
-        "Accuracy by zone, delivered",
-        "Completeness by zone, delivered",
+        "Accuracy by zone, as delivered",
+        "Completeness by zone, as delivered",
     ]
     assert [row[1] for row in table.rows] == ["2 of 2", "2 of 2", "1 of 1", "16 of 16", "16 of 16"]
 
