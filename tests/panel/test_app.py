@@ -79,15 +79,16 @@ def test_a_radius_is_asked_for_where_there_is_one(window):
     assert bar.radius.isEnabled()
 
 
-def test_without_its_packages_it_says_what_to_install(capsys, monkeypatch):
+@pytest.mark.parametrize("lacking", ["pyvistaqt", "matplotlib"])
+def test_without_its_packages_it_says_what_to_install(capsys, monkeypatch, lacking):
     monkeypatch.setattr(
-        app.importlib.util, "find_spec", lambda name: None if name == "pyvistaqt" else 1
+        app.importlib.util, "find_spec", lambda name: None if name == lacking else 1
     )
     with pytest.raises(SystemExit) as stopped:
         app.main([])
     assert stopped.value.code == 2
     told = capsys.readouterr().err
-    assert told.startswith("trigpoint-panel: pyvistaqt missing. Install what the panel needs: ")
+    assert told.startswith(f"trigpoint-panel: {lacking} missing. Install what the panel needs: ")
     assert told.endswith('pip install "trigpoint[panel]"\n')
 
 
