@@ -109,7 +109,7 @@ def pick_table(
     response = np.einsum("ni,nij,nj->nij", shown, weight, shown)
     least = np.where(blind.any(axis=1), 0.0, np.linalg.svd(response, compute_uv=False)[:, 2])
     limit = noncentrality(BLUNDER_ALPHA, POWER, 3)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # exact picks have no sigma
         detectable = sigma * np.sqrt(limit / least)
     if count == 3:
         detectable = np.full(count, np.inf)
