@@ -124,8 +124,9 @@ def with_points() -> QLocale:
     No separator of thousands, which elsewhere is what parts the decimals.
     """
     locale = QLocale.c()
-    option = QLocale.NumberOption
-    locale.setNumberOptions(option.RejectGroupSeparator | option.OmitGroupSeparator)
+    locale.setNumberOptions(
+        QLocale.NumberOption.RejectGroupSeparator | QLocale.NumberOption.OmitGroupSeparator
+    )
     return locale
 
 
