@@ -75,7 +75,7 @@ def test_from_the_project_to_the_report_and_the_map(
     assert said["menu_seen_docked"]
     assert said["tasks"] == ["Trigpoint: Audit"]
     assert said["verdict"] == "NOT TESTED"
-    assert said["offered"] == ["Open HTML", "Open PDF"]
+    assert said["offered"] == ["Open HTML", "Open PDF", "Details"]
     assert [Path(path).name for path in said["opened"]] == ["report.html"]
     assert len(said["layers"]) == 8
     assert all(layer["valid"] and layer["crs"] == "EPSG:32615" for layer in said["layers"])
