@@ -15,12 +15,20 @@ from packaging.utils import canonicalize_name
 from trigpoint.canonical import to_json, write_text
 from trigpoint_reporting.checkout import source_state
 
+LOCK, SOURCE = "requirements.lock", "source.txt"
+
 
 def write_lock(folder: Path) -> None:
     """Write ``requirements.lock``, for `pip install -r`, ``platform.json`` and ``source.txt``."""
-    write_text(folder / "requirements.lock", lock_text())
+    write_text(folder / LOCK, lock_text())
     write_text(folder / "platform.json", to_json(_platform()))
-    write_text(folder / "source.txt", f"{source_state()}\n")
+    write_text(folder / SOURCE, _source_text())
+
+
+def is_of_here(folder: Path) -> bool:
+    """Say whether the packages and the source that a folder states are those that run now."""
+    stated = [(folder / name).read_text("utf-8") for name in (LOCK, SOURCE)]
+    return stated == [lock_text(), _source_text()]
 
 
 def lock_text() -> str:
@@ -61,6 +69,10 @@ def installed_requirements(name: str, *, extras: tuple[str, ...] = ()) -> dict[s
             ):
                 waiting.append((needed.name, frozenset(needed.extras)))
     return dict(sorted(found.items()))
+
+
+def _source_text() -> str:
+    return f"{source_state()}\n"
 
 
 def _platform() -> dict[str, Any]:

@@ -12,10 +12,9 @@ import nbformat
 from nbformat import NotebookNode
 
 from trigpoint.delivery import sha256
-from trigpoint_reporting.checkout import source_state
 from trigpoint_reporting.document import HTML, NOTEBOOK, PDF, SCRIPT, to_html, write_report
 from trigpoint_reporting.evidence import open_evidence
-from trigpoint_reporting.lockfile import lock_text
+from trigpoint_reporting.lockfile import LOCK, SOURCE, is_of_here
 from trigpoint_reporting.manifest import RECORD, read_manifest
 from trigpoint_reporting.notebook import RESULTS, build_notebook, to_percent
 from trigpoint_reporting.outline import SECTIONS
@@ -23,7 +22,6 @@ from trigpoint_reporting.verifier.verify import Report
 
 # What OpenGL draws is the same on the same driver only.
 DRAWN = "perspective_views("
-LOCK, SOURCE = "requirements.lock", "source.txt"
 OTHERS = f"The packages or the source here are not those of env/{LOCK} and env/{SOURCE}."
 
 
@@ -50,7 +48,7 @@ def check_page(report: Report, folder: Path) -> None:
     script, page = ((folder / name).read_text("utf-8") for name in (SCRIPT, HTML))
     pairs.append((f"{SCRIPT} is {NOTEBOOK}", script, to_percent(stored)))
     pairs.append((f"{HTML} is what {NOTEBOOK} makes", page, to_html(stored, folder)))
-    if _same_makers(folder):
+    if is_of_here(folder / "env"):
         for what, one, other in pairs:
             report.equal(what, _digest(one), _digest(other))
     elif odd := [what for what, one, other in pairs if one != other]:
@@ -72,7 +70,7 @@ def check_report(report: Report, folder: Path, *, say: Callable[[str], None]) ->
     say : callable
         Told each step as it begins.
     """
-    if not _same_makers(folder):
+    if not is_of_here(folder / "env"):
         report.notes.append(f"The report was not made again. {OTHERS}")
         return
     with tempfile.TemporaryDirectory(prefix="trigpoint-") as temporary:
@@ -117,8 +115,3 @@ def _named(notebook: NotebookNode) -> list[str]:
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _same_makers(folder: Path) -> bool:
-    stated = [(folder / "env" / name).read_text("utf-8") for name in (LOCK, SOURCE)]
-    return stated == [lock_text(), f"{source_state()}\n"]

@@ -117,7 +117,8 @@ def verify(
             raise BundleError(message) from error
         results = json.loads((folder / "data" / "results.json").read_text("utf-8"))
         _compare_verifiers(report, folder, results)
-        _check_page(report, folder, results)
+        why_not = _why_not_remade(results)
+        _check_page(report, folder, why_not)
         if inputs is None:
             if again:
                 message = "Running the audit again needs its inputs: --inputs says where they lie."
@@ -136,11 +137,12 @@ def verify(
         if not again or other:
             return Verification(path.name, report)
         run = rerun(folder, results, found, say=say)
-        _check_report(report, folder, results, say)
+        if (folder / "audit.ipynb").is_file() and not why_not:
+            _check_report(report, folder, say)
         return Verification(path.name, report, run)
 
 
-def _check_page(report: verifier.Report, folder: Path, results: dict[str, Any]) -> None:
+def _check_page(report: verifier.Report, folder: Path, why_not: str) -> None:
     """Compare the page with the notebook, as far as there are both and this trigpoint made them."""
     missing = [name for name in REPORT if not (folder / name).is_file()]
     if missing == list(REPORT):
@@ -151,42 +153,34 @@ def _check_page(report: verifier.Report, folder: Path, results: dict[str, Any]) 
             report.notes.append("The bundle holds no report.pdf.")
         else:
             report.holds(f"{name} is in the bundle", False)
-    if set(missing) <= {"report.pdf"} and _made_here(report, results):
-        from trigpoint_reporting.remade import check_page
+    if not set(missing) <= {"report.pdf"}:
+        return
+    if why_not:
+        report.notes.append(f"The report was not compared with what trigpoint makes: {why_not}.")
+        return
+    from trigpoint_reporting.remade import check_page
 
-        verifier.attempt(report, "report.html", lambda: check_page(report, folder))
-
-
-def _check_report(
-    report: verifier.Report,
-    folder: Path,
-    results: dict[str, Any],
-    say: Callable[[str], None],
-) -> None:
-    if (folder / "audit.ipynb").is_file() and _made_here(report, results):
-        from trigpoint_reporting.remade import check_report
-
-        verifier.attempt(
-            report, "the report, made again", lambda: check_report(report, folder, say=say)
-        )
+    verifier.attempt(report, "report.html", lambda: check_page(report, folder))
 
 
-def _made_here(report: verifier.Report, results: dict[str, Any]) -> bool:
-    """Say whether the report can be compared with what is made here; note why not."""
+def _check_report(report: verifier.Report, folder: Path, say: Callable[[str], None]) -> None:
+    from trigpoint_reporting.remade import check_report
+
+    verifier.attempt(
+        report, "the report, made again", lambda: check_report(report, folder, say=say)
+    )
+
+
+def _why_not_remade(results: dict[str, Any]) -> str:
+    """Say why the report can't be compared with what is made here; empty where it can."""
     made_by = str(results.get("environment", {}).get("trigpoint"))
-    why = ""
     if made_by != trigpoint.__version__:
-        why = f"it was made by trigpoint {made_by}, and this is {trigpoint.__version__}"
-    else:
-        try:
-            import trigpoint_reporting.remade  # noqa: F401
-        except ImportError as error:
-            why = f"what makes reports is not installed here ({error})"
-    if why:
-        note = f"The report was not compared with what trigpoint makes: {why}."
-        if note not in report.notes:
-            report.notes.append(note)
-    return not why
+        return f"it was made by trigpoint {made_by}, and this is {trigpoint.__version__}"
+    try:
+        import trigpoint_reporting.remade  # noqa: F401
+    except ImportError as error:
+        return f"what makes reports is not installed here ({error})"
+    return ""
 
 
 def _compare_verifiers(report: verifier.Report, folder: Path, results: dict[str, Any]) -> None:
