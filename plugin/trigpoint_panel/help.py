@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-from qtpy.QtCore import Qt
-from qtpy.QtWidgets import QDialog, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from qtpy.QtCore import QSize, Qt
+from qtpy.QtWidgets import (
+    QDialog,
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
 
 from trigpoint_panel.actions import Told, keys_told
 
@@ -19,7 +28,8 @@ class KeysWindow(QDialog):
         self.setWindowTitle("Keys and mouse")
         self.setModal(False)
         told = keys_told()
-        row = QHBoxLayout(self)
+        self._list = QWidget(self)
+        row = QHBoxLayout(self._list)
         row.setContentsMargins(16, 14, 16, 14)
         row.setSpacing(28)
         for groups in COLUMNS:
@@ -29,9 +39,22 @@ class KeysWindow(QDialog):
                 self._add(column, group, told[group])
             column.addStretch(1)
             row.addLayout(column)
+        area = QScrollArea(self)
+        area.setFrameShape(QFrame.Shape.NoFrame)
+        area.setWidgetResizable(True)
+        area.setWidget(self._list)
+        whole = QVBoxLayout(self)
+        whole.setContentsMargins(0, 0, 0, 0)
+        whole.addWidget(area)
+        # A person with large letters has a small screen for them: there the list scrolls.
+        self.resize(self.sizeHint().boundedTo(self.screen().availableSize()))
+
+    def sizeHint(self) -> QSize:
+        """Return the room that the whole list wants."""
+        return self._list.sizeHint()
 
     def _add(self, column: QVBoxLayout, group: str, told: list[Told]) -> None:
-        heading = QLabel(group, self)
+        heading = QLabel(group, self._list)
         heading.setProperty("role", "faint")
         if column.count():
             column.addSpacing(10)
@@ -41,10 +64,10 @@ class KeysWindow(QDialog):
         grid.setVerticalSpacing(4)
         grid.setColumnStretch(1, 1)
         for row, (keys, about) in enumerate(told):
-            key = QLabel(keys, self)
+            key = QLabel(keys, self._list)
             key.setProperty("role", "heading")
             key.setMinimumWidth(key.fontMetrics().horizontalAdvance("Right or middle drag__"))
             key.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             grid.addWidget(key, row, 0)
-            grid.addWidget(QLabel(about, self), row, 1)
+            grid.addWidget(QLabel(about, self._list), row, 1)
         column.addLayout(grid)

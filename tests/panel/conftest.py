@@ -22,6 +22,19 @@ def pytest_configure():
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
+@pytest.fixture(scope="session")
+def qapp(qapp):
+    """Write with letters of a desktop's size.
+
+    Qt 5's offscreen platform has no desktop to ask, and takes 12 points where desktops have 9.
+    """
+    if qapp.platformName() == "offscreen":
+        letters = qapp.font()
+        letters.setPointSize(9)
+        qapp.setFont(letters)
+    return qapp
+
+
 # Not tests: a hand that works the panel, and a driver that takes pictures of it.
 collect_ignore = ["hand.py", "shots.py"]
 

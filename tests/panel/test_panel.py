@@ -24,6 +24,7 @@ from qtpy.QtWidgets import (
     QLineEdit,
     QMainWindow,
     QPushButton,
+    QScrollArea,
     QToolButton,
 )
 
@@ -164,6 +165,19 @@ def test_the_help_shows_every_key_on_one_screen(panel, qtbot):
     assert panel._keys.sizeHint().width() < 1366
     assert panel._keys.sizeHint().height() < 700
     assert qtbot is not None
+
+
+def test_with_large_letters_the_help_stays_on_the_screen_and_scrolls(panel, qtbot):
+    letters = panel.font()
+    letters.setPointSize(3 * letters.pointSize())
+    panel.setFont(letters)
+    panel.action("help").trigger()
+    keys = panel._keys
+    room = keys.screen().availableSize()
+    assert keys.sizeHint().width() > room.width()
+    assert keys.size() == keys.sizeHint().boundedTo(room)
+    (area,) = keys.findChildren(QScrollArea)
+    qtbot.waitUntil(lambda: area.horizontalScrollBar().maximum() > 0, timeout=2000)
 
 
 def test_a_row_of_the_table_has_a_menu(panel):
