@@ -2,7 +2,10 @@ import json
 import sys
 from importlib import metadata
 
-from trigpoint_reporting.lockfile import installed_requirements, write_lock
+import pytest
+
+from trigpoint_reporting import lockfile
+from trigpoint_reporting.lockfile import installed_requirements, is_of_here, write_lock
 
 
 def test_the_lock_holds_what_is_required_and_nothing_else(tmp_path):
@@ -43,3 +46,21 @@ def test_the_platform_states_no_path_or_host(tmp_path):
         "blas",
     }
     assert "/" not in "".join(str(value) for value in told.values())
+
+
+@pytest.mark.parametrize(
+    ("told", "known"),
+    [
+        ("commit abc, without local changes", True),
+        ("not available", True),  # a wheel: its version is in the lock
+        ("commit abc, with local changes", False),
+    ],
+)
+def test_of_a_changed_checkout_it_is_not_known_that_it_is_the_same(
+    tmp_path, monkeypatch, told, known
+):
+    monkeypatch.setattr(lockfile, "source_state", lambda: told)
+    write_lock(tmp_path)
+    assert is_of_here(tmp_path) is known
+    monkeypatch.setattr(lockfile, "source_state", lambda: "commit def, without local changes")
+    assert not is_of_here(tmp_path)

@@ -12,6 +12,7 @@ import trigpoint_reporting
 
 NOT_AVAILABLE = "not available"
 PATIENCE_S = 60
+CHANGED, UNCHANGED = "with local changes", "without local changes"
 
 
 def source_state() -> str:
@@ -59,7 +60,7 @@ def describe_checkout(root: Path) -> str:
     status = _git(root, "status", "--porcelain", "--untracked-files=no")
     if commit is None or status is None:
         return NOT_AVAILABLE
-    return f"commit {commit}, {'with' if status else 'without'} local changes"
+    return f"commit {commit}, {CHANGED if status else UNCHANGED}"
 
 
 def _git(root: Path, *arguments: str) -> str | None:

@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from trigpoint.canonical import to_json, write_text
-from trigpoint_reporting.checkout import source_state
+from trigpoint_reporting.checkout import CHANGED, source_state
 
 LOCK, SOURCE = "requirements.lock", "source.txt"
 
@@ -26,9 +26,12 @@ def write_lock(folder: Path) -> None:
 
 
 def is_of_here(folder: Path) -> bool:
-    """Say whether the packages and the source that a folder states are those that run now."""
+    """Say whether the packages and the source that a folder states are known to run now.
+
+    Which changes a changed checkout had is not stated: that two had the same is not known.
+    """
     stated = [(folder / name).read_text("utf-8") for name in (LOCK, SOURCE)]
-    return stated == [lock_text(), _source_text()]
+    return CHANGED not in stated[1] and stated == [lock_text(), _source_text()]
 
 
 def lock_text() -> str:

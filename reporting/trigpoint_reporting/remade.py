@@ -22,7 +22,10 @@ from trigpoint_reporting.verifier.verify import Report
 
 # What OpenGL draws is the same on the same driver only.
 DRAWN = "perspective_views("
-OTHERS = f"The packages or the source here are not those of env/{LOCK} and env/{SOURCE}."
+OTHERS = (
+    f"The packages or the source here are not those of env/{LOCK} and env/{SOURCE}, or the source "
+    "had local changes, which may be others here."
+)
 
 
 def check_page(report: Report, folder: Path) -> None:
