@@ -233,11 +233,13 @@ def test_a_pdf_with_letters_that_no_font_has_is_not_declared_pdf_a_and_says_so(
     monkeypatch.setattr(document, "letters_without_font", lambda _: "東<")
     monkeypatch.setattr(document, "write_pdf", lambda html, _, **how: made.append((html, how)))
     monkeypatch.setattr(document, "execute", lambda *_: None)
-    (caution,) = write_report(bundle(tmp_path / "b"), sections=sections)
+    folder = bundle(tmp_path / "b")
+    (folder / "README.txt").write_text("what stands in these files", "utf-8")
+    (caution,) = write_report(folder, sections=sections)
     ((html, how),) = made
     assert caution.code == "letters_without_font"
     assert how["variant"] is None
-    assert "data/results.json" in how["attachments"]
+    assert {"data/results.json", "README.txt"} <= set(how["attachments"])
     said = "This PDF is not declared to be PDF/A: no font of the report has 東&lt;"
     assert said in html
     assert said not in (tmp_path / "b" / "report.html").read_text("utf-8")

@@ -16,6 +16,7 @@ from trigpoint.errors import MissingPackageError
 from trigpoint_reporting.evidence import Evidence, open_evidence
 from trigpoint_reporting.manifest import RECORD
 from trigpoint_reporting.pdf import Variant, letters_without_font, write_pdf
+from trigpoint_reporting.readme import README
 
 try:
     import nbformat
@@ -41,6 +42,7 @@ NOTEBOOK, SCRIPT, HTML, PDF = "audit.ipynb", "audit.py", "report.html", "report.
 EMBEDDED = (
     NOTEBOOK,
     SCRIPT,
+    README,
     RECORD,
     "config/*.toml",
     "data/*.csv",
