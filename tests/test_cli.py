@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import trigpoint
+from trigpoint.picks import picks_from
 from trigpoint.similarity import umeyama
 from trigpoint_reporting import bundling, cli
+from trigpoint_reporting import console as people
 
 
 @pytest.fixture
@@ -191,6 +194,34 @@ def test_no_number_is_shortened_on_a_narrow_terminal(run, small, monkeypatch, co
         assert f"{pick['detectable_blunder_m']:.2f}" in out
     for pick in found["alignment"]["residuals"]:
         assert sum(line.split()[:1] == [pick["id"]] for line in out.splitlines()) >= 1
+
+
+def test_of_many_picks_the_worst_are_printed_and_where_all_are(run, tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    source = rng.uniform(0, 20, (1240, 3))
+    roles = ["control"] * 1180 + ["check"] * 60
+    picks = picks_from(
+        [f"p{i}" for i in range(1240)],
+        source,
+        3 * source + rng.normal(0, 0.05, source.shape),
+        roles=roles,
+    )
+    trigpoint.write_picks(tmp_path / "picks.csv", picks)
+    arguments = ("align", tmp_path / "picks.csv", "--threshold", 0.15)
+    printed = json.loads(run(*arguments, "--json")[1])
+    assert len(printed["alignment"]["residuals"]) == 1180
+    out = run(*arguments)[1]
+    named = [line.split()[0] for line in out.splitlines() if line.strip().startswith("p")]
+    wanted = [
+        row["id"]
+        for part in ("alignment", "checks")
+        for row in sorted(printed[part]["residuals"], key=lambda row: -row["d_m"])[:20]
+    ]
+    assert [name for name in named if name != "pick"] == wanted
+    assert "The 20 largest residuals; 1,160 picks more are in --json." in out
+    assert "The 20 largest residuals; 40 picks more are in --json." in out
+    people.show_alignment(Console(width=200), printed, name="nerf")
+    assert "1,160 picks more are in data/picks-nerf.csv." in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("option", [[], ["--icp"]])

@@ -14,6 +14,9 @@ from trigpoint_reporting.terminal import show_pairs, show_table
 Results = Mapping[str, Any]
 Say = Callable[[str], None]
 
+# More picks than a person reads on a terminal: of these the worst are shown.
+MANY, WORST = 50, 20
+
 
 def number(value: float | None, digits: int = 3) -> str:
     """Format a number; a missing one is a dash."""
@@ -26,7 +29,11 @@ def length(value: float | None) -> str:
 
 
 def show_alignment(console: Console, results: Results, *, name: str = "") -> None:
-    """Print a similarity, its residuals, leave-one-out, reliability and check picks."""
+    """Print a similarity, its residuals, leave-one-out, reliability and check picks.
+
+    Of many picks those with the largest residuals are printed. `name` is of a reconstruction in
+    a bundle, whose tables hold them all.
+    """
     alignment, loocv = results["alignment"], results["loocv"]
     of = f" of {name}" if name else ""
     trials = f"{alignment['trials']:,}"
@@ -64,7 +71,8 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
     folds = {fold["id"]: fold for fold in loocv["folds"]}
     picks = {pick["id"]: pick for pick in reliability["picks"]}
     lines = []
-    for residual in alignment["residuals"]:
+    residuals, left_out = _worst(alignment["residuals"], name and f"picks-{name}")
+    for residual in residuals:
         fold, pick = folds.get(residual["id"], {}), picks.get(residual["id"], {})
         lines.append(
             (
@@ -97,20 +105,30 @@ def show_alignment(console: Console, results: Results, *, name: str = "") -> Non
             "",
         ),
         lines,
-        note=reliability["statement"],
+        note=left_out + reliability["statement"],
     )
     checks = results["checks"]
     if checks["n"]:
+        residuals, left_out = _worst(checks["residuals"], name and f"checks-{name}")
         show_table(
             console,
             f"Check picks{of}: they enter nothing",
             ("pick", "dE m", "dN m", "dh m", "3D m"),
             [
                 (row["id"], *(number(row[key]) for key in ("dx_m", "dy_m", "dz_m", "d_m")))
-                for row in checks["residuals"]
+                for row in residuals
             ],
-            note=_check_note(checks),
+            note=left_out + _check_note(checks),
         )
+
+
+def _worst(residuals: Sequence[Results], table: str) -> tuple[Sequence[Results], str]:
+    """Return the rows to print, largest residual first where not all are, and what to say then."""
+    if len(residuals) <= MANY:
+        return residuals, ""
+    worst = sorted(residuals, key=lambda row: -row["d_m"])[:WORST]
+    more, whole = len(residuals) - WORST, f"data/{table}.csv" if table else "--json"
+    return worst, f"The {WORST} largest residuals; {more:,} picks more are in {whole}. "
 
 
 def _held_out(loocv: Results) -> Iterator[tuple[str, str, str]]:
