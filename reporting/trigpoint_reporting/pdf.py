@@ -115,7 +115,7 @@ def write_pdf(
                 attachments=files,
                 pdf_variant=None if variant is None else f"pdf/{variant}",
                 pdf_tags=True,
-                finisher=_list_each_attachment_once,
+                finisher=_finish,
                 cache=palette_images(styled),
             )
         draft.replace(path)
@@ -205,11 +205,17 @@ def _data_url(file: Path) -> str:
     return f"data:{media_type};base64,{base64.b64encode(file.read_bytes()).decode('ascii')}"
 
 
-def _list_each_attachment_once(_: Any, pdf: Any) -> None:
-    # WeasyPrint 70 lists each twice among the associated files.
+def _finish(_: Any, pdf: Any) -> None:
+    # WeasyPrint 70 lists each attachment twice among the associated files.
     if "AF" in pdf.catalog:
         listed = dict.fromkeys(pdf.catalog["AF"])
         pdf.catalog["AF"][:] = listed
+    # The file's identifier is made from all that is written, which pydyf deflates anew for it.
+    for stream in pdf.objects:
+        if getattr(stream, "compress", False):
+            deflated = stream.data.partition(b"\nstream\n")[2].removesuffix(b"\nendstream")
+            stream.stream, stream.compress = [deflated], False
+            stream.extra = {**stream.extra, "Filter": "/FlateDecode"}
 
 
 @contextmanager
