@@ -146,7 +146,10 @@ class AlignTab(Tab):
             self._places.append((x, y, z))
             lines.append(f"{k}.  E {x:.1f}  N {y:.1f}  H {z:.1f}   −{100 * gain:.1f} cm")  # noqa: RUF001
         if lines:
-            lines.append("The last number: by how much the largest sigma would shrink.")
+            lines.append(
+                "The last number: by how much the largest sigma would shrink. The report judges "
+                "more places; its best lie near these."
+            )
         say(self.next, "\n".join(lines) or _why_nowhere(fit))
         self.show_next.setEnabled(bool(lines))
 
@@ -219,9 +222,9 @@ def _told(shown: Similarity, model: Model) -> str:
     alignment = model.fit.alignment
     lines = ["The fit, followed by ICP:"] if model.fit.adopted is not None else []
     lines += [
-        f"scale  {shown.scale:.6f}",
+        f"scale  {shown.scale:.6f} m per unit",
         f"rotation  {np.degrees(angle):.4f}° about ({axis[0]:.3f}, {axis[1]:.3f}, {axis[2]:.3f})",
-        f"translation  {east:.3f}, {north:.3f}, {height:.3f}",
+        f"translation  {east:.3f}, {north:.3f}, {height:.3f} m",
     ]
     if alignment is not None and alignment.loocv.max_scale_change_pct is not None:
         change = alignment.loocv.max_scale_change_pct

@@ -94,7 +94,7 @@ class Bar(QToolBar):
             self.addAction(actions[name])
         self.addSeparator()
         self.addAction(actions["pick"])
-        self._beside: list[QAction] = [self.addWidget(_label("Snap", self))]
+        self._snap_label = self.addWidget(_label("Snap", self))
         self.snap = QComboBox(self)
         self.snap.setAccessibleName("Snap to")
         self.snap.setToolTip("What a click snaps to; the click itself is kept in the pair's note.")
@@ -109,8 +109,8 @@ class Bar(QToolBar):
         self.radius.setSingleStep(0.1)
         self.radius.setSuffix(" m")
         self.radius.setValue(0)
-        self._beside.append(self.addWidget(self.radius))
-        self._beside[-1].setEnabled(False)
+        self._radius = self.addWidget(self.radius)
+        self._radius.setEnabled(False)
         self.addSeparator()
         for name in ("undo", "redo"):
             self.addAction(actions[name])
@@ -161,9 +161,9 @@ class Bar(QToolBar):
                     if name in worded
                     else Qt.ToolButtonStyle.ToolButtonIconOnly
                 )
-            # Where not even icons fit, a radius that serves nothing gives way too.
-            for action in self._beside:
-                action.setVisible(bool(worded) or self.snap.currentData() != "point")
+            # Where not even icons fit, the label gives way too, and a radius that serves nothing.
+            self._snap_label.setVisible(bool(worded))
+            self._radius.setVisible(bool(worded) or self.snap.currentData() != "point")
             inside = self.layout()
             assert inside is not None
             inside.invalidate()
@@ -182,7 +182,7 @@ class Bar(QToolBar):
 
     def _snap(self) -> None:
         mode = cast(Mode, self.snap.currentData())
-        self._beside[-1].setEnabled(mode != "point")
+        self._radius.setEnabled(mode != "point")
         self._word()
         self.snap_changed.emit(mode, self.radius.value() or None)
 

@@ -75,7 +75,7 @@ class ErrorsTab(Tab):
         form.addRow("Zone cuts", self.zones)
         self.within = QLineEdit(self.inside)
         self.within.setToolTip("Distances in metres whose shares are wanted.")
-        form.addRow("Thresholds", self.within)
+        form.addRow("Thresholds, m", self.within)
         (self.compare,) = self.buttons(("Compare", self.compare_wanted.emit))
         self.note = self.sentence("", faint=True)
         self.trouble = self.sentence()
@@ -216,7 +216,7 @@ class ErrorsTab(Tab):
 
 
 class LegendBar(QWidget):
-    """The one legend of both views: the report's bands, what lies beyond, and no data."""
+    """The one legend of both views: the report's bands, what lies beyond, and no distance."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -255,7 +255,7 @@ class LegendBar(QWidget):
         ):
             painter.drawText(row, side, end)
         left = 1.0
-        for colour, name in ((beyond, f"beyond {self.ends[-1]}"), (nothing, "no data")):
+        for colour, name in ((beyond, f"beyond {self.ends[-1]}"), (nothing, "none measured")):
             swatch = QRectF(left, 20 + line, 11, 11)
             painter.fillRect(swatch, colour)
             painter.drawRect(swatch)

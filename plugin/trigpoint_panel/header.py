@@ -44,7 +44,7 @@ class Header(QtWidgets.QWidget):
         super().__init__(parent)
         self._title = title
         self._is_empty = True
-        self.label = ElidedLabel(self)
+        self.label = ElidedLabel(self, parted=True)
         self.colour = QtWidgets.QComboBox()
         self.colour.setToolTip("Colour by")
         self.colour.setAccessibleName(f"Colour the {title.lower()} by")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from qtpy import QtCore, QtWidgets
 
+STATES = {"A+B": "both", "A": "reference", "B": "source"}
+
 
 class OverlayBar(QtWidgets.QWidget):
     """A slider for the opacity of the overlay, and a button that swaps the clouds.
@@ -29,8 +31,11 @@ class OverlayBar(QtWidgets.QWidget):
         swap.setText("Swap")
         swap.setToolTip("Reference alone, source alone, both (X)")
         swap.clicked.connect(lambda: self.swap_chosen.emit())
-        self._state = QtWidgets.QLabel("A+B")
-        self._state.setToolTip("A: the reference; B: the source, carried into its frame")
+        self._state = QtWidgets.QLabel(STATES["A+B"])
+        self._state.setToolTip("What is shown")
+        # As wide as the longest, or the slider would jump.
+        widest = max(map(self._state.fontMetrics().horizontalAdvance, STATES.values()))
+        self._state.setMinimumWidth(widest)
         row = QtWidgets.QHBoxLayout(self)
         row.setContentsMargins(6, 2, 6, 2)
         row.addWidget(QtWidgets.QLabel("Overlaid source"))
@@ -47,4 +52,4 @@ class OverlayBar(QtWidgets.QWidget):
 
     def set_state(self, state: str) -> None:
         """Say what is shown: A, B, or A+B."""
-        self._state.setText(state)
+        self._state.setText(STATES[state])

@@ -29,7 +29,8 @@ LINE = 1e-3
 # Of the places listed to pick next: how many, and how far apart as a share of the reference's
 # diagonal. As in the audit's record.
 NEXT, APART = 3, 0.1
-# So many places are judged after every pick: the gain is smooth, and the hand is waiting.
+# So many places are judged after every pick, a quarter of the audit's: the gain is smooth, and the
+# hand is waiting.
 CANDIDATES = 500
 
 COLUMNS = (

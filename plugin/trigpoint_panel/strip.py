@@ -23,7 +23,7 @@ from qtpy.QtWidgets import (
 from trigpoint_panel.style import look_of
 
 # A level is a word and a sign before it is a colour.
-WORDS = {"info": "Note", "success": "Done", "warning": "Doubt", "error": "Problem"}
+WORDS = {"info": "Note", "success": "Done", "warning": "Warning", "error": "Problem"}
 SIGNS = {"info": "i", "success": "✓", "warning": "!", "error": "✗"}
 MOST = 3  # messages at once; older ones make room
 ROOMY = 480  # pixels; where a message would have less beside its buttons, they go below it

@@ -9,7 +9,8 @@ from qtpy.QtWidgets import QHBoxLayout, QLabel, QWidget
 from trigpoint_panel.forms import say
 from trigpoint_panel.model import Model
 
-NO_BREAK = "\N{NO-BREAK SPACE}"
+# Each error stays in one piece where the numbers take two lines.
+WHOLE = str.maketrans(" -", "\N{NO-BREAK SPACE}\N{NON-BREAKING HYPHEN}")
 
 
 class Totals(QWidget):
@@ -29,12 +30,14 @@ class Totals(QWidget):
         """Take over what the model holds now."""
         fit = model.fit
         icp = fit.adopted is not None
-        parts = (
+        parts: tuple[str, ...] = (
             f"RMSE {'after ICP: ' if icp else ''}control {_metres(fit.rmse_m)}",
-            f"check {_metres(fit.check_rmse_m)}",
+            f"check {_metres(fit.check_rmse_m)}" if fit.checks else "no check pairs",
             f"leave-one-out {_metres(fit.loocv_rmse_m)}{' (before ICP)' if icp else ''}",
         )
-        self.numbers.setText("   ".join(part.replace(" ", NO_BREAK) for part in parts))
+        if fit.alignment is None:
+            parts = ("No fit yet: no RMSE.",)
+        self.numbers.setText("   ".join(part.translate(WHOLE) for part in parts))
         words = {"sound": "Layout: sound", "weak": "Layout: weak", "refused": "Layout: refused"}
         levels = {"sound": "success", "weak": "warning", "refused": "error"}
         word, level = words.get(fit.geometry, ""), levels.get(fit.geometry, "")

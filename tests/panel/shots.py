@@ -119,7 +119,7 @@ class Shots:
             panel.host.clear_messages()
         panel.tabs.setCurrentWidget(panel.report_tab)
         panel.host.message("error", "reference.laz has no CRS: choose one.", "Traceback\n  …")
-        panel.host.message("warning", "P6 in the target: 2.3 m from where 5 pairs put it. Keep?")
+        panel.host.message("warning", "P6 in the reference: 2.3 m from where 5 pairs put it. Keep?")
         panel.host.message("info", "There is no point within 5 pixels of the click.")
         self.window.strip.messages[2].buttons[0].click()
         self.keep("messages")

@@ -70,6 +70,17 @@ def test_the_first_window_shows_its_words_and_a_narrow_one_an_arrow(window, qtbo
     assert any(held.pixelColor(x, y).alpha() for x in range(12) for y in range(12))
 
 
+def test_what_to_snap_to_and_how_far_around_are_in_reach_in_a_narrow_dock(window, qtbot):
+    bar = window.panel.bar
+    window.resize(480, 600)
+    bar.snap.setCurrentIndex(bar.snap.findData("corner"))
+    qtbot.wait(20)
+    for field in (bar.snap, bar.radius):
+        assert field.isVisible()
+        assert bar.rect().contains(field.geometry())
+        assert not field.geometry().intersects(bar._arrow.geometry())
+
+
 def test_a_radius_is_asked_for_where_there_is_one(window):
     bar = window.panel.bar
     assert not bar.radius.isEnabled()
@@ -195,7 +206,7 @@ def test_the_strip_shows_the_newest_on_top_and_the_same_once(qtbot):
     assert done == ["two"]
     assert strip.texts() == ["four", "three"]
     message = strip.messages[0]
-    assert message.accessibleName() == "Doubt: four"
+    assert message.accessibleName() == "Warning: four"
     message.buttons[1].click()
     message.buttons[2].click()
     assert QApplication.clipboard().text() == "four\n\nwhy"

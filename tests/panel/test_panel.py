@@ -637,6 +637,31 @@ def test_a_name_from_right_to_left_does_not_turn_the_state_line(panel):
     assert ways == [Qt.LayoutDirection.LeftToRight, Qt.LayoutDirection.RightToLeft]
 
 
+def test_what_there_is_not_is_said_once(panel):
+    def said():
+        text = panel.totals.numbers.text().replace("\N{NO-BREAK SPACE}", " ")
+        return text.replace("\N{NON-BREAKING HYPHEN}", "-")
+
+    assert said() == "No fit yet: no RMSE."
+    feed(panel)
+    assert said().startswith("RMSE control 0.")
+    assert "no check pairs   leave-one-out 0." in said()
+    panel.model.set_role({"P4"}, "check")
+    assert "   check 0." in said()
+
+
+def test_what_is_shown_while_an_overlay_is_swapped_is_said_in_words(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    panel.action("overlay").setChecked(True)
+    said = panel.views.target._overlay_bar._state
+    shown = [said.text()]
+    for _ in range(3):
+        panel.action("swap").trigger()
+        shown.append(said.text())
+    assert shown == ["both", "reference", "source", "both"]
+
+
 def test_a_sound_layout_is_not_green_beside_a_suspect(panel):
     feed(panel)
     assert panel.totals.layout_verdict.text() == "Layout: sound"

@@ -467,6 +467,24 @@ def test_a_narrow_header_keeps_the_name_and_drops_what_has_keys(shown, opened_to
     assert header.label.width() >= 60
 
 
+def test_a_narrow_header_leaves_whole_facts_out_and_cuts_no_number(shown, opened_tower):
+    label = shown(opened=opened_tower(2000), size=(900, 300)).header.label
+    whole, metrics = label.text(), label.fontMetrics()
+    assert label.shown == whole == "Reference: tower.laz, EPSG:32615, m, 2 k points"
+    seen = set()
+    for width in range(metrics.horizontalAdvance(whole) + 8, 40, -1):
+        label.resize(width, label.height())
+        seen.add(label.shown)
+    name = "Reference: tower.laz"
+    assert {each for each in seen if "…" not in each} == {
+        whole,
+        f"{name}, EPSG:32615, m",
+        f"{name}, EPSG:32615",
+        name,
+    }
+    assert all(name.startswith(each.rstrip("…")) for each in seen if "…" in each)
+
+
 def test_dark_follows_the_palette(shown, opened_tower):
     view = shown(opened=opened_tower(2000))
     palette = view.palette()
