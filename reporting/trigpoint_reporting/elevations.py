@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cloud import PointCloud
-from trigpoint.files import describe, read, stream
+from trigpoint.files import describe, stream
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import number_text
@@ -112,7 +111,7 @@ def distance_colours(distances: NDArray[np.float64], *, limit: float = LIMIT_M) 
 
 def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     """Draw a reconstruction from four sides, coloured by its distance to the reference."""
-    cloud, site = _thinned(evidence, name, "accuracy"), _site(evidence, name)
+    cloud, site = evidence.cloud(name, "accuracy"), _site(evidence, name)
     if cloud is None:
         return not_drawn(f"Elevations of {name}", "no point of it lies in the evaluation region")
     panels = [site.panel(side, f"From the {side}") for side in FOUR]
@@ -137,7 +136,7 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
 
 def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     """Draw the reference from four sides and above: what the reconstruction lacks of it."""
-    reference, site = _thinned(evidence, name, "completeness"), _site(evidence, name)
+    reference, site = evidence.cloud(name, "completeness"), _site(evidence, name)
     assert reference is not None  # a reference without points is refused
     distances = _distances(reference)
     far = ~(distances <= site.limit)  # what has no counterpart at all is NaN, and is far
@@ -212,9 +211,9 @@ def colour_elevations(evidence: Evidence, name: str) -> Picture | Passage:
 def readme_picture(evidence: Evidence) -> Picture | Passage:
     """Draw every reconstruction by its distances beside the reference, from the south."""
     side: Side = "south"
-    clouds = {name: _thinned(evidence, name, "accuracy") for name in evidence.names}
+    clouds = {name: evidence.cloud(name, "accuracy") for name in evidence.names}
     drawn = {name: cloud for name, cloud in clouds.items() if cloud is not None}
-    reference = _thinned(evidence, evidence.names[0], "completeness")
+    reference = evidence.cloud(evidence.names[0], "completeness")
     if reference is None or not drawn:
         return not_drawn("The clouds side by side", "no cloud has points in the region")
     site = _site(evidence, evidence.names[0])
@@ -314,11 +313,6 @@ def _site(evidence: Evidence, name: str) -> _Site:
         float(MARK_M if MARK_M in within else within[len(within) // 2]),
         limit_of(evidence),
     )
-
-
-def _thinned(evidence: Evidence, name: str, direction: str) -> PointCloud | None:
-    path = Path(evidence.folder) / "clouds" / f"{name}-{direction}.laz"
-    return read(path) if path.exists() else None  # a cloud without points has no file
 
 
 def _distances(cloud: PointCloud) -> NDArray[np.float64]:

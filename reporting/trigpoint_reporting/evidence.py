@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+
+from trigpoint.cloud import PointCloud
+from trigpoint.files import read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +29,7 @@ class Evidence:
 
     folder: Path
     results: dict[str, Any]
+    _clouds: dict[Path, PointCloud | None] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def names(self) -> list[str]:
@@ -36,6 +40,16 @@ class Evidence:
         """Read ``data/<name>.csv``; ids stay text, also where one is "007" or "NA"."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, dtype={"id": str}, keep_default_na=False, na_values=[""])
+
+    def cloud(self, name: str, direction: Literal["accuracy", "completeness"]) -> PointCloud | None:
+        """Read a thinned cloud with its distances once, for every figure: none may change it.
+
+        None where it has no points, and so no file.
+        """
+        path = self.folder / "clouds" / f"{name}-{direction}.laz"
+        if path not in self._clouds:
+            self._clouds[path] = read(path) if path.exists() else None
+        return self._clouds[path]
 
     def picking_sigma(
         self, name: str, frame: Literal["source", "target"], role: Literal["control", "check"]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trigpoint.files import describe, read, stream
+from trigpoint.files import describe, stream
 from trigpoint.similarity import Points
 from trigpoint_reporting import rendering
 from trigpoint_reporting.blocks import Passage, Picture
@@ -72,10 +72,9 @@ def _shown(evidence: Evidence) -> tuple[str, Points, Colours, bool]:
         if path.exists() and {"red", "green", "blue"} <= set(describe(path).attributes):
             return name, *_photographed(evidence, name, path), True
     name = evidence.names[0]
-    path = evidence.folder / "clouds" / f"{name}-accuracy.laz"
-    if not path.exists():
+    cloud = evidence.cloud(name, "accuracy")
+    if cloud is None:
         return name, np.empty((0, 3)), np.empty((0, 3), np.uint8), False
-    cloud = read(path)
     every = -(-len(cloud) // MOST)
     distances = cloud.attributes["distance_m"][::every].astype(np.float64)
     return name, cloud.xyz[::every], distance_colours(distances, limit=limit_of(evidence)), False

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trigpoint.cloud import PointCloud
-from trigpoint.files import read
 from trigpoint_reporting.elevations import (
     band_edges,
     colour_table,
@@ -108,15 +107,14 @@ def _clouds(evidence: Evidence) -> tuple[list[Shown], list[tuple[str, int, int]]
     clouds: list[Shown] = []
     layers = []
     for name in evidence.names:
-        path = evidence.folder / "clouds" / f"{name}-accuracy.laz"
-        if path.exists():
-            cloud = read(path)
+        cloud = evidence.cloud(name, "accuracy")
+        if cloud is not None:
             layers.append((f"{name}: distance to the reference", len(clouds), 0))
             clouds.append((cloud, [_distances(cloud)]))
     reference: Shown | None = None
     for name in evidence.names:
-        path = evidence.folder / "clouds" / f"{name}-completeness.laz"
-        cloud = read(path)
+        cloud = evidence.cloud(name, "completeness")
+        assert cloud is not None  # a reference without points is refused
         if reference is None:
             reference = (cloud, [])
         layers.append((f"The reference: distance to {name}", len(clouds), len(reference[1])))
