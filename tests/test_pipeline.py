@@ -53,6 +53,12 @@ def test_results_keep_to_the_schema_and_hold_both_stages(bundle):
     results = read_results(folder)
     jsonschema.validate(results, schema())
     nerf, sfm = results["reconstructions"]["nerf"], results["reconstructions"]["sfm"]
+    assert {each["path"]: each["format"] for each in results["inputs"]} == {
+        "lidar.laz": "LAZ 1.4, point format 6",
+        "nerf.ply": "PLY 1.0, little endian, double",
+        "picks.csv": "CSV",
+        "sfm.laz": "LAZ 1.4, point format 6",
+    }
     assert nerf["alignment"]["n"] == 6
     assert nerf["checks"]["n"] == 2
     assert nerf["icp"]["check_rmse_before_m"] == pytest.approx(nerf["checks"]["rmse_m"], abs=1e-6)

@@ -9,7 +9,14 @@ import shapely
 
 from trigpoint.cloud import PointCloud, cloud_from
 from trigpoint.errors import RegionError
-from trigpoint.zones import Outline, extent, height_zones, padded_box, read_outline
+from trigpoint.zones import (
+    Outline,
+    extent,
+    height_zones,
+    outline_format,
+    padded_box,
+    read_outline,
+)
 
 UTM15 = pyproj.CRS("EPSG:32615")
 SITE = np.array([741_000.0, 4_279_000.0, 150.0])
@@ -124,6 +131,7 @@ def test_several_polygons_of_any_format_count(tmp_path):
         crs="EPSG:32615",
         layer="region",
     )
+    assert outline_format(path) == "GPKG"
     outline = read_outline(path, crs=UTM15)
     inside = outline.contains(at([1, 1, 0], [2.5, 2.5, 0], [5.5, 5.5, 0], [4, 4, 0], [20, 20, 0]))
     assert inside.tolist() == [True, True, True, False, False]

@@ -38,9 +38,12 @@ from trigpoint.results import (
     warning_results,
 )
 from trigpoint.trial import Trial
+from trigpoint.zones import outline_format
 
 SCHEMA = "trigpoint-results/1"
 PACKAGES = ("numpy", "scipy", "pandas", "laspy", "lazrs", "plyfile", "pykdtree", "shapely")
+# The format of pick files, whichever of comma, semicolon and tab is between their cells.
+PICKS = "CSV"
 # Places on the reference that are judged as the next pick, and how far apart those listed lie, as
 # a share of its diagonal.
 CANDIDATES = 2_000
@@ -268,20 +271,21 @@ def _environment() -> dict[str, str]:
 def _inputs(audit: Audit) -> Iterator[dict[str, Any]]:
     project = audit.project
     folder, given = project.path.parent, project.reference
-    yield _input(folder, given.name, "reference", given.path, audit.reference_info)
+    info = audit.reference_info
+    yield _input(folder, given.name, "reference", given.path, info.format, info)
     if given.region is not None:
-        yield _input(folder, given.name, "region", given.region)
+        yield _input(folder, given.name, "region", given.region, outline_format(given.region))
     for judged in audit.judged:
         own = judged.given
-        yield _input(folder, own.name, own.kind, own.path, judged.info)
+        yield _input(folder, own.name, own.kind, own.path, judged.info.format, judged.info)
         if own.picks is not None:
-            yield _input(folder, own.name, "picks", own.picks)
+            yield _input(folder, own.name, "picks", own.picks, PICKS)
         for path in own.picks_repeated:
-            yield _input(folder, own.name, "repicks", path)
+            yield _input(folder, own.name, "repicks", path, PICKS)
 
 
 def _input(
-    folder: Path, name: str, role: str, path: Path, info: CloudInfo | None = None
+    folder: Path, name: str, role: str, path: Path, kind: str, info: CloudInfo | None = None
 ) -> dict[str, Any]:
     # Outside the project's folder only the name is kept: the rest says where, not what, it is.
     stated = path.relative_to(folder) if path.is_relative_to(folder) else Path(path.name)
@@ -290,6 +294,7 @@ def _input(
         "name": name,
         "role": role,
         "path": stated.as_posix(),
+        "format": kind,
         "bytes": hashed.stat().st_size,
         "sha256": sha256(hashed),
         "points": None if info is None else info.points,

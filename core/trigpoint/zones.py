@@ -227,6 +227,13 @@ def read_outline(path: str | os.PathLike[str], *, crs: pyproj.CRS | None = None)
     return Outline(_in_metres(moved, crs), cautions)
 
 
+def outline_format(path: str | os.PathLike[str]) -> str:
+    """Return what GDAL calls the format of a file that `read_outline` has read."""
+    import pyogrio
+
+    return str(pyogrio.read_info(path)["driver"])
+
+
 def _first_layer(path: Path) -> tuple[dict[str, Any], NDArray[np.object_] | None]:
     try:
         import pyogrio

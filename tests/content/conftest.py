@@ -218,6 +218,7 @@ def paper():
                 "name": "nerf",
                 "role": "neural",
                 "path": "nerf.ply",
+                "format": "PLY 1.0, little endian, float",
                 "bytes": 12345678,
                 "sha256": "ab" * 32,
                 "points": 500000,

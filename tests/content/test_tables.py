@@ -20,6 +20,7 @@ from trigpoint_reporting.content.pairs import paired
 from trigpoint_reporting.content.provenance import provenance
 from trigpoint_reporting.content.residuals import MOST, picks
 from trigpoint_reporting.content.scope import purpose
+from trigpoint_reporting.content.sources import inputs
 from trigpoint_reporting.content.transform import transformation
 from trigpoint_reporting.content.validity import validation
 from trigpoint_reporting.content.worth import reliability
@@ -494,3 +495,9 @@ def test_the_coordinate_reference_says_what_it_does_not_say(make_evidence):
         assert part in words
     none = coordinate_reference(make_evidence("hollow"))
     assert "There is no coordinate reference" in told(none)
+
+
+def test_an_input_is_told_with_its_format_and_version(make_evidence):
+    table = inputs(make_evidence("paper"))[0]
+    cell = table.rows[0][table.columns.index("Format")]
+    assert cell == "PLY 1.0, little endian, float"

@@ -44,6 +44,7 @@ def test_scans_are_joined_where_their_poses_put_them(tmp_path, points):
     assert [len(piece) for piece in stream(tmp_path / "a.e57", chunk=40)] == [40, 20, 40, 20]
     found = describe(tmp_path / "a.e57")
     assert (found.scans, found.points) == (2, 120)
+    assert found.format == "E57 1.0"
 
 
 def test_pye57_puts_the_points_at_the_same_place(tmp_path, points):

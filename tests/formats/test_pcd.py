@@ -107,6 +107,11 @@ def test_an_organised_cloud_has_holes_that_are_left_out(tmp_path):
     assert len(read(tmp_path / "a.pcd")) == 46
     found = describe(tmp_path / "a.pcd")
     assert found.points == 46
+    assert found.format == "PCD 0.7, binary, float"
+    text = (tmp_path / "a.pcd").read_bytes()
+    for stated, told in ((b"VERSION .7\n", "PCD 0.7, binary, float"), (b"", "PCD, binary, float")):
+        (tmp_path / "b.pcd").write_bytes(text.replace(b"VERSION 0.7\n", stated))
+        assert describe(tmp_path / "b.pcd").format == told
     assert [c.code for c in found.cautions] == ["points_dropped"]
 
 

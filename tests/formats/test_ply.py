@@ -50,6 +50,7 @@ def test_trap_1_single_precision_in_utm_is_doubted(tmp_path):
     assert [c.code for c in describe(tmp_path / "single.ply").cautions] == ["coordinates_coarse"]
     assert "0.5 m" in describe(tmp_path / "single.ply").cautions[0].message
     assert describe(tmp_path / "double.ply").cautions == ()
+    assert describe(tmp_path / "single.ply").format == "PLY 1.0, little endian, float"
     assert describe(tmp_path / "local.ply").cautions == ()
     np.testing.assert_array_equal(read(tmp_path / "double.ply").coordinates, CUBE + UTM)
 

@@ -49,12 +49,17 @@ def opened(path: Path) -> Source:
             if file.root.isDefined("coordinateMetadata")
             else ""
         )
+        version = ".".join(
+            str(file.root[part].value())
+            for part in ("versionMajor", "versionMinor")
+            if file.root.isDefined(part)
+        )
         places = np.concatenate([scan.places for scan in scans])
         steps = [scan.step for scan in scans]
     crs, cautions = header_crs(text, None, places.min(axis=0), places.max(axis=0))
     types = _types(scans)
     return Source(
-        format="E57",
+        format=f"E57 {version}".strip(),
         chunks=partial(_chunks, path, types),
         attributes=tuple(types),
         points=sum(scan.points for scan in scans),

@@ -49,8 +49,11 @@ def opened(path: Path) -> Source:
     read = partial(readers[encoding], path, start, record, points)
     colours = ("red", "green", "blue") if _PACKED_COLOUR & set(names) else ()
     kept = [n for n in names if n not in axes and n not in _PACKED_COLOUR and not n.startswith("_")]
+    # Older files write .7 for 0.7.
+    version = "".join(header.get("VERSION", [])[:1]).removeprefix("0")
     return Source(
-        format=f"PCD, {encoding}, {'double' if record[axes[0]].itemsize == 8 else 'float'}",
+        format=f"PCD{f' 0{version}' if version else ''}, {encoding}, "
+        f"{'double' if record[axes[0]].itemsize == 8 else 'float'}",
         chunks=partial(_chunks, read, axes),
         attributes=(*kept, *colours),
         points=points,

@@ -79,7 +79,7 @@ def opened(path: Path) -> Source:
     order = "ASCII" if ply.text else {"<": "little", ">": "big"}[ply.byte_order] + " endian"
     types = {vertex.ply_property(axis).val_dtype for axis in axes}
     return Source(
-        format=f"PLY, {order}, {_TYPES.get(max(types), '')}",
+        format=f"PLY 1.0, {order}, {_TYPES.get(max(types), '')}",
         chunks=partial(_chunks, ply, axes),
         attributes=tuple(n for n in names if n not in (*axes, *lists)),
         points=vertex.count,

@@ -8,17 +8,18 @@ from trigpoint_reporting.numbers import Numbers
 
 
 def inputs(evidence: Evidence) -> list[Block]:
-    """Return what was read: what for, how large, in which frame, and its SHA-256."""
+    """Return what was read: what for, in which format and frame, how large, and its SHA-256."""
     rows = Numbers(evidence.results).rows("inputs")
     return [
         Table(
             "Inputs",
-            ("Name", "Role", "File", "Points", "Bytes", "CRS in the file"),
+            ("Name", "Role", "File", "Format", "Points", "Bytes", "CRS in the file"),
             [
                 (
                     row["name"],
                     row["role"],
                     row["path"],
+                    row["format"],
                     row.value("points") if row["points"] is not None else "\N{EN DASH}",
                     row.value("bytes"),
                     row["crs"] or "none",

@@ -55,7 +55,7 @@ NOT_RECOMPUTED = {
     "from them is drawn again",
     "floor_rmse_m, raw_pct": "measured on points before thinning, which the bundle does not hold",
     "reliability.zones, next_picks, geometry": "they need the reference cloud",
-    "crs, inputs' points and extents": "read from the inputs' headers",
+    "crs, inputs' formats, points and extents": "read from the inputs' headers",
     "clouds/, figures/, the pages of report.pdf": "derived; of the PDF what it embeds is "
     "compared, and the whole report is made again by trigpoint verify --again",
 }
