@@ -1,5 +1,7 @@
 """Which of two reconstructions is more complete, and whether the data can tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -147,6 +149,34 @@ def test_a_small_reference_leaves_it_unknown():
     assert (paired.differences["verdict"] == "not known").all()
     assert "fewer than 10 blocks" in paired.differences["sentence"][0]
     assert "can't be compared" in paired.statement
+
+
+def test_nothing_is_said_within_a_threshold_that_the_voxel_does_not_resolve():
+    reference = prepare(cloud_from(wall(0)), voxel=0.1)
+    one, other = (compared(wall(seed, gone), reference) for seed, gone in ((1, 0.05), (2, 0.4)))
+    paired = compare_pair(one, other, names=NAMES, draws=200)
+    assert paired.differences["verdict"].tolist()[:2] == ["not resolvable", "better"]
+    assert "can't be resolved: that is not above the voxel" in paired.differences["sentence"][0]
+    assert paired.statement.startswith(
+        "Over all zones, nerf is more complete than sfm within 0.2 m; nothing is said within 0.1 "
+        "m, not above the voxel (95 % intervals"
+    )
+
+
+@pytest.mark.parametrize(("away", "verdict"), [(60.0, "not told"), (0.0, "better")])
+def test_what_lies_on_the_other_side_of_zero_than_its_interval_is_not_told(
+    reference, away, verdict
+):
+    one, own = posed(1, wall(1, 0.1), reference)
+    other = compared(wall(2, 0.4), reference)
+    moved = replace(own, completeness_pose_pct=own.completeness_pose_pct - away)
+    paired = compare_pair(one, other, names=NAMES, poses=(moved, None), draws=200)
+    row = paired.differences.loc[1]
+    assert row["difference_pct"] > 0
+    assert row["verdict"] == verdict
+    assert ("different sides of zero" in row["sentence"]) == (verdict == "not told")
+    disagree = "0.2 m is not told, for what was measured and its interval disagree"
+    assert (disagree in paired.statement) == (verdict == "not told")
 
 
 def test_the_same_seed_gives_the_same_bits(reference):

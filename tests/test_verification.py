@@ -8,10 +8,12 @@ import zlib
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from bundles import sealed_bundle
 
 import trigpoint
+from trigpoint import pairing
 from trigpoint.delivery import sha256
 from trigpoint_reporting import verification
 from trigpoint_reporting.blocks import Passage, Picture, Table, Value
@@ -336,6 +338,36 @@ def test_trap_a_suppressed_rejection(bundle):
     edit_results(bundle, change)
     rehash(bundle)
     assert "reconstructions.nerf.alignment.n" in differing(bundle)
+
+
+def test_trap_what_a_pair_concludes(bundle):
+    def change(results):
+        results["paired"]["delivered"][0]["statement"] = "Over all zones, nerf is more complete."
+
+    edit_results(bundle, change)
+    rehash(bundle)
+    assert "paired.delivered[0].statement" in differing(bundle)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "gap", "verdict"),
+    [
+        (1.0, 2.0, 1.5, "better"),
+        (-2.0, -1.0, -1.5, "worse"),
+        (-1.0, 2.0, 1.5, "not distinguishable"),
+        (1.0, 2.0, -0.1, "not told"),
+        (-2.0, -1.0, 0.0, "not told"),
+        (None, None, 1.5, "not known"),
+    ],
+)
+def test_what_a_difference_tells_is_concluded_again(low, high, gap, verdict):
+    row = {"threshold_m": 0.2, "low_pct": low, "high_pct": high, "difference_pct": gap}
+    assert verifier._told_apart(row, 0.1) == verdict
+    assert verifier._told_apart(row, 0.2) == "not resolvable"
+    pair = {"names": ["nerf", "sfm"], "differences": [row | {"zone": "all", "verdict": verdict}]}
+    stated = verifier._pair_statement(pair, {"nerf": True, "sfm": False})
+    table = pd.DataFrame(pair["differences"])
+    assert stated == pairing._statement(table, ("nerf", "sfm"), (True, False))
 
 
 def test_trap_a_distance_made_smaller(bundle):

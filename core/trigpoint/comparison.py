@@ -68,6 +68,8 @@ class Comparison:
     counts : dict of str to int
         Points kept and lost at every step.
     zones : HeightZones
+    voxel_m : float
+        Edge of the cells that both were thinned to; 0 where neither was.
     cautions : tuple of Caution
     """
 
@@ -80,6 +82,7 @@ class Comparison:
     reference: PointCloud
     counts: Mapping[str, int]
     zones: HeightZones
+    voxel_m: float
     cautions: tuple[Caution, ...]
 
 
@@ -206,6 +209,7 @@ def measure(
             "reconstruction_voxels": len(reconstruction.cloud),
         },
         zones=reference.zones,
+        voxel_m=0.0 if reference.lattice is None else reference.lattice.voxel,
         cautions=(
             *reference.cautions,
             *reconstruction.cautions,

@@ -17,6 +17,7 @@ from trigpoint.preparation import ALL, SEED
 from trigpoint.tallies import measures, tally
 
 BETTER, WORSE, NEITHER, UNKNOWN = "better", "worse", "not distinguishable", "not known"
+UNRESOLVED, MIXED = "not resolvable", "not told"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +33,9 @@ class Paired:
         percentage points); low_pct, high_pct, its 95 % interval; pose_low_pct, pose_high_pct
         from the similarities' uncertainty alone (NaN without); sampling_low_pct,
         sampling_high_pct from the block bootstrap alone; verdict (the one is "better", "worse",
-        "not distinguishable", or "not known" where fewer than 10 blocks hold points); sentence.
+        "not distinguishable"; "not known" where fewer than 10 blocks hold points; "not
+        resolvable" where the threshold is not above the voxel; "not told" where what was measured
+        and its interval lie on different sides of zero); sentence.
     has_pose : tuple of bool
         Whether each one's pose uncertainty is in the interval.
     block_m : float
@@ -117,7 +120,7 @@ def compare_pair(
     if not any(has_pose):
         bounds[1] = np.nan
 
-    table = _table([ALL, *zone_names], within, pcts, bounds)
+    table = _table([ALL, *zone_names], within, pcts, bounds, one.voxel_m)
     sentences = [_sentence(row, names) for row in table.to_dict(orient="records")]
     return Paired(
         names=names,
@@ -135,6 +138,7 @@ def _table(
     within: list[float],
     pcts: list[NDArray[np.float64]],
     bounds: NDArray[np.float64],
+    voxel: float,
 ) -> pd.DataFrame:
     """Tabulate; `bounds` has axes both parts, pose, sampling; low, high; zone; threshold."""
     table = pd.DataFrame(
@@ -149,14 +153,22 @@ def _table(
     for k, part in enumerate(("", "pose_", "sampling_")):
         for end, word in enumerate(("low", "high")):
             table[f"{part}{word}_pct"] = bounds[k, end].ravel()
-    ends = zip(table["low_pct"], table["high_pct"], strict=True)
-    return table.assign(verdict=[_verdict(low, high) for low, high in ends])
+    resolved = table["threshold_m"] > voxel
+    rows = zip(resolved, table["difference_pct"], table["low_pct"], table["high_pct"], strict=True)
+    return table.assign(verdict=[_verdict(*row) for row in rows])
 
 
-def _verdict(low: float, high: float) -> str:
+def _verdict(resolved: bool, gap: float, low: float, high: float) -> str:
+    if not resolved:
+        return UNRESOLVED
     if np.isnan(low):
         return UNKNOWN
-    return BETTER if low > 0 else WORSE if high < 0 else NEITHER
+    if low <= 0 <= high:
+        return NEITHER
+    # The interval is about the difference at the true poses, the number about those picked.
+    if gap * low <= 0:
+        return MIXED
+    return BETTER if low > 0 else WORSE
 
 
 def _sentence(row: dict[Hashable, Any], names: tuple[str, str]) -> str:
@@ -170,9 +182,19 @@ def _sentence(row: dict[Hashable, Any], names: tuple[str, str]) -> str:
             f"Whether {one} or {other} is more complete {place} can't be told: fewer than "
             f"{FEWEST_BLOCKS} blocks hold reference points ({numbers})."
         )
+    if row["verdict"] == UNRESOLVED:
+        return (
+            f"Whether {one} or {other} is more complete {place} can't be resolved: that is not "
+            f"above the voxel ({numbers})."
+        )
     span = f"{gap}, 95 % interval {row['low_pct']:+.1f} to {row['high_pct']:+.1f}"
     if row["verdict"] == NEITHER:
         return f"{one} and {other} are not distinguishable {place}: {numbers} ({span})."
+    if row["verdict"] == MIXED:
+        return (
+            f"Whether {one} or {other} is more complete {place} is not told: what was measured and "
+            f"its interval lie on different sides of zero: {numbers} ({span})."
+        )
     word = "more" if row["verdict"] == BETTER else "less"
     return f"{one} is {word} complete than {other} {place}: {numbers} ({span})."
 
@@ -181,16 +203,21 @@ def _statement(table: pd.DataFrame, names: tuple[str, str], has_pose: tuple[bool
     """Say in one sentence what holds over all zones, and what it takes for granted."""
     one, other = names
     phrases = {
-        BETTER: f"{one} is more complete than {other}",
-        WORSE: f"{one} is less complete than {other}",
-        NEITHER: f"{one} and {other} are not distinguishable in completeness",
-        UNKNOWN: f"{one} and {other} can't be compared in completeness (too few blocks)",
+        BETTER: (f"{one} is more complete than {other}", ""),
+        WORSE: (f"{one} is less complete than {other}", ""),
+        NEITHER: (f"{one} and {other} are not distinguishable in completeness", ""),
+        UNKNOWN: (f"{one} and {other} can't be compared in completeness (too few blocks)", ""),
+        MIXED: (
+            "which is more complete",
+            " is not told, for what was measured and its interval disagree",
+        ),
+        UNRESOLVED: ("nothing is said", ", not above the voxel"),
     }
     found = []
-    for verdict, phrase in phrases.items():
+    for verdict, (what, why) in phrases.items():
         thresholds = [f"{t:g}" for t in table.loc[table["verdict"] == verdict, "threshold_m"]]
         if thresholds:
-            found.append(f"{phrase} within {_listed(thresholds)} m")
+            found.append(f"{what} within {_listed(thresholds)} m{why}")
     taken = [name for name, known in zip(names, has_pose, strict=True) if not known]
     proviso = f", the pose of {_listed(taken)} being taken as it is" if taken else ""
     return f"Over all zones, {'; '.join(found)} (95 % intervals{proviso})."

@@ -302,6 +302,9 @@ def show_audit(console: Console, results: Results, folder: str) -> None:
         show_comparison(console, delivered, title=f" of {name}, as delivered")
         if after is not None:
             show_comparison(console, after, title=f" of {name}, after ICP")
+    for stage, told in (("delivered", "As delivered"), ("after_icp", "After ICP")):
+        for pair in results["paired"][stage]:
+            console.print(Text(f"{told}: {pair['statement']}"))
     if results["criteria"]:
         show_table(
             console,

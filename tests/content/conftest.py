@@ -386,7 +386,7 @@ def full():
     }
     pair = {
         "names": ["nerf", "sfm"],
-        "statement": "nerf is more complete.",
+        "statement": "Over all zones, nerf is more complete than sfm within 0.2 m.",
         "differences": [difference | {"zone": each} for each in ZONES],
     }
     results["paired"] = {"delivered": [pair], "after_icp": [pair]}

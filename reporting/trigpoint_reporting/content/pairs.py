@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
-from trigpoint.pairing import BETTER, NEITHER, UNKNOWN, WORSE
-from trigpoint.preparation import ALL
+from trigpoint.pairing import MIXED
 from trigpoint_reporting.blocks import Block, Entry, Passage, Table
 from trigpoint_reporting.content.distances import is_outside, with_interval
 from trigpoint_reporting.evidence import Evidence
-from trigpoint_reporting.numbers import Numbers, number_text
+from trigpoint_reporting.numbers import Numbers
 
-UNRESOLVED, MIXED = "not resolvable", "not told"
 STAGES = {"delivered": "as delivered", "after_icp": "after ICP, pose taken out"}
 # Of a difference that was measured and lies outside its own interval.
 DISAGREE = " Not told: what was measured and its interval lie on different sides of zero."
@@ -49,51 +46,11 @@ def _pairs(evidence: Evidence) -> Iterator[Block]:
         }
         for stage, pair in found.items():
             told = STAGES[stage]
-            statement = _statement(evidence, stage, pair)
-            yield Passage((f"{told[0].upper()}{told[1:]}: {statement}",))
-        yield _differences(evidence, names, found)
+            yield Passage((f"{told[0].upper()}{told[1:]}: {pair['statement']}",))
+        yield _differences(names, found)
 
 
-def _statement(evidence: Evidence, stage: str, pair: Numbers) -> str:
-    """Say what holds over all zones at each threshold, and what that takes for granted."""
-    one, other = pair["names"]
-    phrases = {
-        BETTER: f"{one} is more complete than {other} within {{}} m",
-        WORSE: f"{one} is less complete than {other} within {{}} m",
-        NEITHER: f"{one} and {other} are not distinguishable in completeness within {{}} m",
-        UNKNOWN: f"{one} and {other} can't be compared within {{}} m (too few blocks)",
-        MIXED: "which is more complete within {} m is not told, for what was measured and its "
-        "interval disagree",
-        UNRESOLVED: "nothing is said within {} m, not above the voxel",
-    }
-    marks: dict[str, list[str]] = {verdict: [] for verdict in phrases}
-    for row in pair["differences"]:
-        if row["zone"] == ALL:
-            marks[_verdict(evidence, row)].append(number_text(row["threshold_m"]))
-    told = [phrases[verdict].format(", ".join(found)) for verdict, found in marks.items() if found]
-    compared = {
-        name: evidence.results["reconstructions"][name]["comparison"] for name in (one, other)
-    }
-    as_it_is = [
-        name
-        for name, part in compared.items()
-        if not (part[stage] and (part[stage]["intervals"] or {}).get("has_pose"))
-    ]
-    proviso = f", the pose of {' and '.join(as_it_is)} being taken as it is" if as_it_is else ""
-    return f"Over all zones, {'; '.join(told)} (95 % intervals{proviso})."
-
-
-def _verdict(evidence: Evidence, row: Mapping[str, Any]) -> str:
-    """Return the stored verdict, unless the threshold or the interval says that there is none."""
-    if row["threshold_m"] <= evidence.results["project"]["settings"]["comparison"]["voxel_m"]:
-        return UNRESOLVED
-    gap = row["difference_pct"]
-    if (row["verdict"] == BETTER and gap <= 0) or (row["verdict"] == WORSE and gap >= 0):
-        return MIXED
-    return str(row["verdict"])
-
-
-def _differences(evidence: Evidence, names: tuple[str, ...], found: Mapping[str, Numbers]) -> Table:
+def _differences(names: tuple[str, ...], found: Mapping[str, Numbers]) -> Table:
     one, other = names
     columns = ["Zone", "Within (m)"]
     for stage in found:
@@ -105,13 +62,13 @@ def _differences(evidence: Evidence, names: tuple[str, ...], found: Mapping[str,
     return Table(
         f"{one} less {other}: completeness, {' and '.join(STAGES[stage] for stage in found)}",
         columns,
-        [tuple(_row(evidence, stages)) for stages in rows],
+        [tuple(_row(stages)) for stages in rows],
         (
             "Paired: both from the same points of the reference. Difference: in percentage points, "
             "in brackets the 95 % interval; one that holds zero is not told apart from none."
             f"{MOVED if any(map(_beside_its_interval, told)) else ''}"
             " Not resolvable: a threshold not above the voxel."
-            f"{DISAGREE if any(_verdict(evidence, row.stored) == MIXED for row in told) else ''}",
+            f"{DISAGREE if any(row['verdict'] == MIXED for row in told) else ''}",
         ),
     )
 
@@ -120,11 +77,11 @@ def _beside_its_interval(row: Numbers) -> bool:
     return is_outside(*(row[key] for key in ("difference_pct", "low_pct", "high_pct")))
 
 
-def _row(evidence: Evidence, stages: Sequence[Numbers]) -> Iterator[Entry]:
+def _row(stages: Sequence[Numbers]) -> Iterator[Entry]:
     yield stages[0]["zone"]
     yield stages[0].value("threshold_m")
     for row in stages:
         yield row.value("one_pct")
         yield row.value("other_pct")
         yield with_interval(row, "difference_pct", "low_pct", "high_pct")
-        yield _verdict(evidence, row.stored)
+        yield row["verdict"]

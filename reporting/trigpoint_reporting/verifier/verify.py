@@ -1019,6 +1019,7 @@ def _quantile(d: Array, share: float) -> float:
 def check_paired(report: Report, results: Json) -> None:
     """Compare the differences of two reconstructions with what each one scored."""
     found = results["reconstructions"]
+    voxel = results["project"]["settings"]["comparison"]["voxel_m"]
     for stage, pairs in results["paired"].items():
         for k, pair in enumerate(pairs):
             scores = [found[name]["comparison"][stage]["completeness"] for name in pair["names"]]
@@ -1039,15 +1040,55 @@ def check_paired(report: Report, results: Json) -> None:
                 report.close(f"{at}.other_pct", row["other_pct"], pcts[1], 1e-11)
                 gap = pcts[0] - pcts[1]
                 report.close(f"{at}.difference_pct", row["difference_pct"], gap, 1e-11)
-                report.equal(f"{at}.verdict", row["verdict"], _told_apart(row))
+                report.equal(f"{at}.verdict", row["verdict"], _told_apart(row, voxel))
+            posed = {
+                name: stage == "delivered"
+                and bool((found[name]["comparison"][stage]["intervals"] or {}).get("has_pose"))
+                for name in pair["names"]
+            }
+            stated = _pair_statement(pair, posed)
+            report.equal(f"paired.{stage}[{k}].statement", pair["statement"], stated)
 
 
-def _told_apart(row: Json) -> str:
-    if row["low_pct"] is None or row["high_pct"] is None:
+def _told_apart(row: Json, voxel: float) -> str:
+    low, high, gap = (row[key] for key in ("low_pct", "high_pct", "difference_pct"))
+    if row["threshold_m"] <= voxel:
+        return "not resolvable"
+    if low is None or high is None:
         return "not known"
-    if row["low_pct"] > 0:
-        return "better"
-    return "worse" if row["high_pct"] < 0 else "not distinguishable"
+    if low <= 0 <= high:
+        return "not distinguishable"
+    if low > 0:
+        return "better" if gap > 0 else "not told"
+    return "worse" if gap < 0 else "not told"
+
+
+def _pair_statement(pair: Json, posed: Mapping[str, bool]) -> str:
+    """Conclude over all zones, as the report does in words."""
+    one, other = pair["names"]
+    both = f"{one} and {other}"
+    wording = (
+        ("better", f"{one} is more complete than {other} within", ""),
+        ("worse", f"{one} is less complete than {other} within", ""),
+        ("not distinguishable", f"{both} are not distinguishable in completeness within", ""),
+        ("not known", f"{both} can't be compared in completeness (too few blocks) within", ""),
+        (
+            "not told",
+            "which is more complete within",
+            " is not told, for what was measured and its interval disagree",
+        ),
+        ("not resolvable", "nothing is said within", ", not above the voxel"),
+    )
+    overall = [row for row in pair["differences"] if row["zone"] == "all"]
+    parts = []
+    for verdict, before, after in wording:
+        at = [f"{row['threshold_m']:g}" for row in overall if row["verdict"] == verdict]
+        if at:
+            listed = f"{', '.join(at[:-1])} and {at[-1]}" if at[1:] else at[0]
+            parts.append(f"{before} {listed} m{after}")
+    fixed = " and ".join(name for name in pair["names"] if not posed[name])
+    taken = f", the pose of {fixed} being taken as it is" if fixed else ""
+    return f"Over all zones, {'; '.join(parts)} (95 % intervals{taken})."
 
 
 def check_icp(report: Report, place: str, found: Json) -> None:
