@@ -264,6 +264,10 @@ def test_audit_prints_its_results_and_where_they_lie(run, small):
     code, out, err = run("audit", small / "project.toml")
     assert code == 0
     assert "Verdict: NOT TESTED" in out
+    stored = small / "audit" / "small-r1" / "data" / "results.json"
+    (pair,) = json.loads(stored.read_text("utf-8"))["paired"]["delivered"]
+    assert "nothing is said within 0.05, 0.1 and 0.2 m, not above the voxel" in pair["statement"]
+    assert f"As delivered: {pair['statement']}" in out.replace("\n", " ")
     assert str(small / "audit" / "small-r1") in out.replace("\n", "")
     assert "putting rigid ICP on trial" in err
 
@@ -311,6 +315,11 @@ def test_projects_are_all_read_before_the_first_is_run(run, small_project, tmp_p
     code, _, err = run("audit", one, other, "--out", tmp_path / "out")
     assert code == 2
     assert "Two projects would be written to" in err
+    (tmp_path / "file").write_text("no folder")
+    code, out, err = run("audit", one, "--out", tmp_path / "file" / "out")
+    assert (code, out) == (2, "")
+    assert "Nothing can be written to" in err
+    assert "reading" not in err
     other.write_text("[project]", "utf-8")
     code, _, err = run("audit", one, other)
     assert code == 2

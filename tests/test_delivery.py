@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from trigpoint import delivery
-from trigpoint.delivery import archive_of, sha256, whole_folder, write_csv
+from trigpoint.delivery import archive_of, check_writable, sha256, whole_folder, write_csv
 from trigpoint.errors import ProjectError
 
 
@@ -144,3 +144,21 @@ def test_csv_holds_what_results_hold(tmp_path):
 def test_a_hash_is_that_of_the_bytes(tmp_path):
     (tmp_path / "a").write_bytes(b"trig")
     assert sha256(tmp_path / "a") == hashlib.sha256(b"trig").hexdigest()
+
+
+def test_where_a_folder_can_be_written_is_found_out_beforehand_and_leaves_nothing(
+    tmp_path, monkeypatch
+):
+    check_writable(tmp_path / "a" / "b" / "r1")
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(ProjectError, match=r"Nothing can be written to .*file.out: Not a dir"):
+        check_writable(tmp_path / "file" / "out" / "r1")
+
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(delivery, "TemporaryDirectory", refuse)
+    with pytest.raises(ProjectError, match=r"Permission denied\. Choose another folder \(--out\)"):
+        check_writable(tmp_path / "a" / "r1")
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]

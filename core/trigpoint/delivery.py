@@ -7,8 +7,9 @@ import hashlib
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pandas as pd
 
@@ -58,6 +59,28 @@ def whole_folder(folder: Path) -> Iterator[Path]:
             raise
         archive_of(folder).unlink(missing_ok=True)
         _put(draft, folder, previous)
+
+
+def check_writable(folder: Path) -> None:
+    """Raise ProjectError where `whole_folder` could not write a folder; leave nothing behind.
+
+    To be called before work that takes long.
+    """
+    made = [each for each in folder.parents if not each.exists()]
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent):
+            pass
+    except OSError as error:
+        message = (
+            f"Nothing can be written to {folder.parent}: {error.strerror}. Choose another folder "
+            "(--out), or make that one writable."
+        )
+        raise ProjectError(message) from error
+    finally:
+        for each in made:
+            with suppress(OSError):  # not made after all, or by now somebody's
+                each.rmdir()
 
 
 def archive_of(folder: Path) -> Path:

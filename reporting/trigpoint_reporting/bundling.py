@@ -11,7 +11,7 @@ from typing import Any
 import trigpoint
 from trigpoint.bundle import bundle_folder, bundle_path, fill_bundle
 from trigpoint.cautions import Caution
-from trigpoint.delivery import whole_folder
+from trigpoint.delivery import check_writable, whole_folder
 from trigpoint.errors import ProjectError, TrigpointError
 from trigpoint.project import Project
 from trigpoint_reporting.sealing import pack, pack_left, seal, write_record
@@ -39,8 +39,8 @@ class Delivery:
     cautions: tuple[Caution, ...]
 
 
-def check_apart(projects: Sequence[Project], out: Path | None) -> None:
-    """Raise ProjectError where two projects would be written into the same bundle."""
+def check_places(projects: Sequence[Project], out: Path | None) -> None:
+    """Raise ProjectError where a bundle can't be written, or two would be written into one."""
     places = [bundle_path(project, out) for project in projects]
     for place, project in zip(places, projects, strict=True):
         if places.count(place) > 1:
@@ -49,6 +49,7 @@ def check_apart(projects: Sequence[Project], out: Path | None) -> None:
                 f"revision; both are {project.about.id}, revision {project.about.revision}."
             )
             raise ProjectError(message)
+        check_writable(place)
 
 
 def deliver(project: Project, out: Path | None, *, say: Say) -> Delivery:

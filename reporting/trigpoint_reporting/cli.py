@@ -36,7 +36,7 @@ from trigpoint.starter import start_project
 from trigpoint.surface import Surface
 from trigpoint_reporting import console as people
 from trigpoint_reporting.batch import write_index
-from trigpoint_reporting.bundling import check_apart, deliver
+from trigpoint_reporting.bundling import check_places, deliver
 from trigpoint_reporting.verification import verify as verify_bundle
 
 app = typer.Typer(
@@ -320,12 +320,13 @@ def verify(
 
 
 def _audit(paths: list[Path], out: Path | None, as_json: bool) -> int:
-    # All are read before the first is run: nobody waits to be told of a typing error.
+    # All are read before the first is run: nobody waits to be told of a typing error, or of a
+    # folder that can't be written.
     projects = []
     for path in paths:
         with _of_several(path, paths):
             projects.append(trigpoint.read_project(path))
-    check_apart(projects, out)
+    check_places(projects, out)
     done = []
     for path, project in zip(paths, projects, strict=True):
         with _progress() as say, _of_several(path, paths):
