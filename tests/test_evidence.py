@@ -21,7 +21,7 @@ def test_a_thinned_cloud_is_read_once_and_one_without_points_is_none(tmp_path):
     folder = tmp_path / "clouds"
     folder.mkdir()
     cloud = PointCloud(np.arange(6.0).reshape(2, 3), np.zeros(3))
-    write(cloud, folder / "nerf-accuracy.laz")
+    write(folder / "nerf-accuracy.laz", cloud)
     evidence = Evidence(tmp_path, {})
     read = evidence.cloud("nerf", "accuracy")
     assert len(read) == 2
