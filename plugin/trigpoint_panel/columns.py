@@ -99,7 +99,7 @@ COLUMNS = (
         "note",
         "Note\n",
         "What was pointed at, and how it was snapped.",
-        "lower string course, top, south-east corner",
+        "lower string course, top",
         edited=True,
     ),
 )

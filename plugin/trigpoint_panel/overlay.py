@@ -38,8 +38,8 @@ class Overlay:
         self.shows_own = self.shows_other = True
         if cloud is not None:
             colours, _ = coloured(cloud, modes_of(cloud)[0], up=np.array([0.0, 0.0, 1.0]))
-            local, self._origin = localised(cloud)
-            self.layer = Layer(local, colours)
+            self._local, self._origin = localised(cloud)
+            self.layer = Layer(self._local, colours)
 
     def swap(self) -> str:
         """Show only the own cloud, then only this, then both again; say which: A, B, or A+B."""
@@ -54,11 +54,23 @@ class Overlay:
         """Carry the layer into the frame of a scene that counts about another origin."""
         if self.layer is None:
             return
+        self.layer.set_matrix(self._matrix(origin))
+        self.layer.set_opacity(self.opacity if self.shows_own else 1.0)
+        self.layer.set_visible(self.shows_other)
+
+    def columns(self, origin: NDArray[np.float64], most: int) -> NDArray[np.float32]:
+        """Return by axes where about so many of the points that are seen lie, shape (3, m)."""
+        if self.layer is None or not self.shows_other or (self.shows_own and not self.opacity):
+            return np.empty((3, 0), np.float32)
+        matrix = self._matrix(origin).astype(np.float32)
+        some = self._local[:: -(-len(self._local) // most)]
+        return np.asarray(matrix[:3, :3] @ some.T + matrix[:3, 3:], np.float32)
+
+    def _matrix(self, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what carries the layer into a frame about another origin, shape (4, 4)."""
         similarity = self.similarity or Similarity(1.0, np.eye(3), np.zeros(3))
         matrix = np.eye(4)
         matrix[:3, :3] = similarity.scale * similarity.rotation
         # Between the two origins, so that nothing large is left for float32.
         matrix[:3, 3] = similarity(self._origin[None, :])[0] - origin
-        self.layer.set_matrix(matrix)
-        self.layer.set_opacity(self.opacity if self.shows_own else 1.0)
-        self.layer.set_visible(self.shows_other)
+        return matrix

@@ -381,16 +381,21 @@ class Scene:
         return self._sight().is_ahead(xyz - self.origin)
 
     def is_hidden(self, xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which absolute places, shape (n, 3), have the cloud in front of them.
+        """Return which absolute places, shape (n, 3), have a cloud that is seen in front of them.
 
         Of a large cloud, a share of the points tells.
         """
-        if self._shown is None or self._plotter is None or not self._overlay.shows_own:
-            return np.zeros(len(xyz), np.bool_)
-        columns = self._shown.columns
-        step = -(-columns.shape[1] // TELLING)
+        hidden = np.zeros(len(xyz), np.bool_)
+        if self._plotter is None:
+            return hidden
+        seen = [self._overlay.columns(self.origin, TELLING)]
+        if self._shown is not None and self._overlay.shows_own:
+            columns = self._shown.columns
+            seen.append(columns[:, :: -(-columns.shape[1] // TELLING) or 1])
         reach = max(self._drawn / 2, 3.0 * self._ratio)
-        return self._sight().is_hidden(columns[:, ::step], xyz - self.origin, reach=reach)
+        for columns in seen:
+            hidden |= self._sight().is_hidden(columns, xyz - self.origin, reach=reach)
+        return hidden
 
     def pixel_at(self, row: int) -> float:
         """Return the size of a pixel, scaled as the picture is, at a point: in its units."""

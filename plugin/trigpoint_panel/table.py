@@ -42,6 +42,7 @@ LEVEL = Qt.ItemDataRole.UserRole + 2
 SHARE = Qt.ItemDataRole.UserRole + 3
 
 AXES = ("x", "y", "z")
+EDGE = 4  # pixels, at the left of a cell that has a level
 SURE = 0.001  # a chance below this is not told by its digits
 CHECKED = {
     "control": Qt.CheckState.Checked,
@@ -99,9 +100,9 @@ class PairTableModel(QAbstractTableModel):
         orientation: Qt.Orientation,
         role: int = Qt.ItemDataRole.DisplayRole,
     ) -> Any:
-        """Return a column's head, and in its tool tip what it means."""
+        """Return a column's head, and in its tool tip what it means; a row's is its pair's name."""
         if orientation == Qt.Orientation.Vertical:
-            return str(section + 1) if role == Qt.ItemDataRole.DisplayRole else None
+            return self._pairs[section].id if role == Qt.ItemDataRole.DisplayRole else None
         column = COLUMNS[section]
         if role == Qt.ItemDataRole.DisplayRole:
             return column.head
@@ -227,9 +228,11 @@ class PairTable(QTableView):
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
         self.setTabKeyNavigation(False)  # Tab leaves the table; arrows walk in it
         self.sortByColumn(-1, Qt.SortOrder.AscendingOrder)
-        self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
-        head = self.horizontalHeader()
+        names, head = self.verticalHeader(), self.horizontalHeader()
+        names.hide()
+        names.setHighlightSections(False)
+        names.setTextElideMode(Qt.TextElideMode.ElideMiddle)
+        names.setDefaultSectionSize(self.fontMetrics().height() + 6)
         head.setHighlightSections(False)
         head.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         head.setStretchLastSection(True)
@@ -237,7 +240,9 @@ class PairTable(QTableView):
             head.setSortIndicatorClearable(True)
         head.setMinimumSectionSize(30)
         self._fit_columns()
+        names.setMaximumWidth(self.columnWidth(AT["id"]))
         self.setMinimumHeight(96)
+        self.horizontalScrollBar().valueChanged.connect(lambda _: self._keep_names())
         self.doubleClicked.connect(self._fly)
         self.selectionModel().currentRowChanged.connect(self._choose)
         self._follows = False
@@ -307,6 +312,16 @@ class PairTable(QTableView):
             widest = max(metrics.horizontalAdvance(line) for line in lines)
             self.setColumnWidth(i, widest + 14)
 
+    def _keep_names(self) -> None:
+        """Let the names stand at the left edge while their own column is scrolled out of sight."""
+        bar, is_past = self.horizontalScrollBar(), self.columnViewportPosition(AT["id"]) < 0
+        if is_past != self.verticalHeader().isVisible():
+            is_at_end = bar.value() == bar.maximum()
+            self.verticalHeader().setVisible(is_past)
+            self.updateGeometries()
+            if is_past and is_at_end:
+                bar.setValue(bar.maximum())  # there is less room now
+
     def _choose(self, current: QModelIndex) -> None:
         if not self._follows and current.isValid():
             self._model.select(self._rows.pair(self._proxy.mapToSource(current).row()).id)
@@ -332,17 +347,28 @@ class _Cells(QStyledItemDelegate):
             colour = QColor(strong)
             colour.setAlpha(90 if level else 255)
             painter.fillRect(inner, QBrush(colour))
-        chosen = QStyle.StateFlag.State_Selected
-        if level and option.state & chosen:  # which a selected row must not hide
-            option = QStyleOptionViewItem(option)
-            option.state &= ~chosen
+        flag = QStyle.StateFlag
+        is_chosen, is_current = (
+            option.state & flag.State_Selected,
+            option.state & flag.State_HasFocus,
+        )
+        option = QStyleOptionViewItem(option)
+        # A style would say both with a veil over the words.
+        option.state &= ~(flag.State_HasFocus | flag.State_MouseOver)
+        if level:
+            option.rect = option.rect.adjusted(EDGE, 0, 0, 0)
+        if level and is_chosen:  # which a selected row must not hide
+            option.state &= ~flag.State_Selected
             for edge in (rectangle.top(), rectangle.bottom() - 2):
                 line = QRectF(rectangle.left(), edge, rectangle.width(), 2)
                 painter.fillRect(line, QColor(look.accent))
         super().paint(painter, option, index)
         if level:
-            edge_of = QRectF(rectangle.left(), rectangle.top(), 4, rectangle.height())
+            edge_of = QRectF(rectangle.left(), rectangle.top(), EDGE, rectangle.height())
             painter.fillRect(edge_of, QColor(look.error if level == "red" else look.warning))
+        if is_current:
+            painter.setPen(QColor(look.on_accent if is_chosen and not level else look.text))
+            painter.drawRect(rectangle.adjusted(1, 1, -2, -2))
 
     def updateEditorGeometry(
         self, editor: QWidget, option: QStyleOptionViewItem, index: Index

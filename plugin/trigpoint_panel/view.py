@@ -202,18 +202,21 @@ class CloudView(QtWidgets.QWidget):
         self._overlay_bar.setVisible(self.scene.has_overlay)
         self._overlay_bar.set_state("A+B")
         self._tell_colours()
+        self._stage.settle()
         self.refresh()
 
     def set_overlay_opacity(self, opacity: float) -> None:
         """Show the overlay from 0 (not at all) to 1 (fully)."""
         self._overlay_bar.set_opacity(opacity)
         self.scene.set_overlay_opacity(opacity)
+        self._stage.settle()
         self.refresh()
 
     def swap(self) -> None:
         """Show only the cloud, then only the overlay, then both again."""
         self._overlay_bar.set_state(self.scene.swap())
         self._tell_colours()
+        self._stage.settle()
         self.refresh()
 
     # How it looks

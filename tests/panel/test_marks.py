@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 from qtpy import QtCore, QtGui
 
+from trigpoint.similarity import Similarity
 from trigpoint_panel.camera import camera_from
 from trigpoint_panel.colouring import Legend
 from trigpoint_panel.legend import LegendCard
@@ -87,6 +88,25 @@ def test_what_the_cloud_hides_has_a_dashed_mark_and_a_name_in_brackets(qtbot, vi
     rest(qtbot, view)
     assert marks.hidden.tolist() == [True, False]
     assert share_of(view, LOOKS["next"].colour) > 2 * hidden
+
+
+def test_an_overlay_hides_what_lies_behind_it_as_long_as_it_is_seen(view, opened_tower):
+    marks, shift = view._stage.marks, np.array([741_000.0, 4_278_994.0, 150.0])
+    view.set_markers([Marker(FRONT, "between"), Marker(BEHIND, "far")])
+    assert marks.hidden.tolist() == [False, True]
+    # It stands six metres before the cloud.
+    view.set_overlay(opened_tower(crs=None), Similarity(1.0, np.eye(3), shift))
+    assert marks.hidden.tolist() == [True, True]
+    view.set_overlay_opacity(0.0)
+    assert marks.hidden.tolist() == [False, True]
+    view.set_overlay_opacity(0.6)
+    view.swap()
+    assert marks.hidden.tolist() == [False, True]
+    view.swap()
+    assert not view.scene.shows_cloud
+    assert marks.hidden.tolist() == [True, True]
+    view.set_overlay(None)
+    assert marks.hidden.tolist() == [False, True]
 
 
 def test_nothing_is_hidden_by_a_cloud_that_is_not_shown(view, opened_tower):

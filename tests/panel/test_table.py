@@ -4,8 +4,9 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 
 from qtpy.QtCore import Qt
+from qtpy.QtGui import QImage, QPainter
 from qtpy.QtTest import QTest
-from qtpy.QtWidgets import QApplication, QLineEdit
+from qtpy.QtWidgets import QApplication, QLineEdit, QStyle, QStyleOptionViewItem
 
 from trigpoint.similarity import Similarity
 from trigpoint_panel.columns import AT, COLUMNS
@@ -70,6 +71,45 @@ def test_a_selected_row_keeps_the_ground_of_what_is_wrong(table, model):
     before = ground()
     table.selectRow(table.index_of("P5", "flag").row())
     assert ground() == before == look_of(table).red_row
+
+
+def test_a_pairs_name_stays_in_sight_when_the_table_is_scrolled_sideways(table):
+    table.resize(480, 300)
+    names, bar = table.verticalHeader(), table.horizontalScrollBar()
+    assert not names.isVisible()
+    bar.setValue(bar.maximum())
+    assert names.isVisible()
+    note = table.columnViewportPosition(AT["note"]) + table.columnWidth(AT["note"])
+    assert note <= table.viewport().width()
+    assert names.width() <= table.columnWidth(AT["id"])
+    table.sortByColumn(AT["source_z"], Qt.SortOrder.DescendingOrder)
+    rows = range(table.model().rowCount())
+    shown = [table.model().headerData(row, Qt.Orientation.Vertical) for row in rows]
+    assert shown == [table.model().index(row, AT["id"]).data() for row in rows]
+    bar.setValue(0)
+    assert not names.isVisible()
+
+
+def test_the_words_of_the_current_cell_are_as_dark_as_their_neighbours(table):
+    current = table.index_of("P3", "id")
+    place = table.visualRect(current)
+    option = QStyleOptionViewItem()
+    option.initFrom(table)
+    option.widget = table
+    option.rect = place.translated(-place.topLeft())
+    state = QStyle.StateFlag
+    pictures = []
+    for more in (state.State_None, state.State_HasFocus | state.State_MouseOver):
+        option.state = state.State_Enabled | state.State_Active | state.State_Selected | more
+        picture = QImage(option.rect.size(), QImage.Format.Format_RGB32)
+        painter = QPainter(picture)
+        table.itemDelegate().paint(painter, option, current)
+        painter.end()
+        pictures.append(picture)
+    plain, hovered = pictures
+    inside = [(x, y) for x in range(3, place.width() - 4) for y in range(3, place.height() - 4)]
+    assert all(plain.pixelColor(*at) == hovered.pixelColor(*at) for at in inside)
+    assert plain.pixelColor(1, 5) != hovered.pixelColor(1, 5)  # the focus has a frame
 
 
 def test_a_chance_below_a_thousandth_is_not_written_as_none(table, model):
