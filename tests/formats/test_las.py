@@ -223,3 +223,24 @@ def test_coordinates_alone_do_not_change_with_what_is_decompressed(tmp_path):
         pieces = list(stream(tmp_path / "cloud.laz", chunk=700, attributes=False))
         found = np.concatenate([piece.coordinates for piece in pieces])
         np.testing.assert_allclose(found, las.xyz, rtol=0, atol=2e-9)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize("at", [100, 243])
+def test_a_header_that_counts_more_records_than_there_is_room_for_is_refused_at_once(
+    tmp_path, suffix, at
+):
+    path = tmp_path / f"cloud{suffix}"
+    las_file(path)
+    content = bytearray(path.read_bytes())
+    content[at : at + 4] = b"\xff\xff\xff\xf0"
+    path.write_bytes(content)
+    with pytest.raises(CloudError, match=r"its header counts 4,043,309,055 records, which need"):
+        describe(path)
+
+
+def test_noise_behind_a_signature_is_refused_at_once(tmp_path):
+    for length in (0, 50, 99, 100, 300, 100_000):
+        (tmp_path / "noise.las").write_bytes(b"LASF" + np.random.default_rng(1).bytes(length))
+        with pytest.raises(CloudError, match=r"^noise\.las "):
+            read(tmp_path / "noise.las")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import chain
@@ -34,6 +35,8 @@ WEEK_S = 604_800
 # What lazrs says where a file ends too soon.
 _ENDED = "failed to fill whole buffer"
 _INT32 = np.iinfo(np.int32)
+# The shortest records that describe a file, before its points and after them.
+_VLR, _EVLR = 54, 60
 _WKT_BIT = 16
 
 _COORDINATES = frozenset({"X", "Y", "Z"})
@@ -48,6 +51,7 @@ Values = NDArray[Any]
 
 def opened(path: Path) -> Source:
     """Read the header."""
+    _refuse_promises(path)
     with laspy.open(path) as reader:
         header = reader.header
     is_copc = any(vlr.user_id == "copc" for vlr in header.vlrs)
@@ -113,6 +117,34 @@ def write(path: Path, chunks: Iterator[Chunk], plan: Plan) -> tuple[Caution, ...
         raise OSError(str(error)) from error
     coarse = header.scales[0] > (GROUND_STEP if plan.crs else LOCAL_STEP)
     return (*dropped, *([_coarse(header)] if coarse else []))
+
+
+def _refuse_promises(path: Path) -> None:
+    """Refuse a header that counts more records than its file holds.
+
+    laspy would read every one of them, up to four thousand million, before it noticed.
+    """
+    with path.open("rb") as file:
+        start = file.read(247)
+    if len(start) < 104 or not start.startswith(b"LASF"):
+        return  # laspy says so at once
+    size = path.stat().st_size
+    header, points, records = struct.unpack_from("<HLL", start, 94)
+    end = header + _VLR * records
+    if end > min(points, size):
+        raise CloudError(_damaged(path, records, end, min(points, size)))
+    if start[25] >= 4 and len(start) == 247:
+        after, records = struct.unpack_from("<QL", start, 235)
+        end = after + _EVLR * records
+        if records and end > size:
+            raise CloudError(_damaged(path, records, end, size))
+
+
+def _damaged(path: Path, records: int, end: int, room: int) -> str:
+    return (
+        f"{path.name} is damaged: its header counts {records:,} records, which need {end:,} bytes "
+        f"or more, and they have {room:,}. Copy or export it again."
+    )
 
 
 def _streamed(path: Path, size: int, attributes: bool, box: Box | None) -> Iterator[Chunk]:
