@@ -6,7 +6,14 @@ import sys
 import pytest
 
 from trigpoint import delivery
-from trigpoint.delivery import archive_of, check_writable, sha256, whole_folder, write_csv
+from trigpoint.delivery import (
+    archive_of,
+    check_writable,
+    clear_draft,
+    sha256,
+    whole_folder,
+    write_csv,
+)
 from trigpoint.errors import ProjectError
 
 
@@ -55,6 +62,18 @@ def test_a_kill_leaves_the_previous_folder_whole_and_the_next_run_cleans_up(tmp_
     with whole_folder(tmp_path / "r1") as draft:
         (draft / "a.txt").write_text("second")
     assert contents(tmp_path) == {"r1/a.txt": "second"}
+
+
+def test_the_draft_of_a_killed_run_is_cleared_away_and_that_of_another_run_stays(tmp_path):
+    clear_draft(tmp_path / "nowhere" / "r1")
+    (tmp_path / ".r1.draft" / "data").mkdir(parents=True)
+    clear_draft(tmp_path / "r1")
+    assert list(tmp_path.iterdir()) == []
+    with whole_folder(tmp_path / "r1") as draft:
+        (draft / "a.txt").write_text("first")
+        clear_draft(tmp_path / "r1")
+        assert draft.is_dir()
+    assert contents(tmp_path) == {"r1/a.txt": "first"}
 
 
 def test_a_kill_between_the_two_renames_is_undone(tmp_path):

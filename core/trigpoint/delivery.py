@@ -41,7 +41,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         If another run is writing the same folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = folder.with_name(f".{folder.name}.draft")
+    draft = _draft_of(folder)
     previous = folder.with_name(f".{folder.name}.previous")
     with _claimed(folder):
         if previous.exists() and not folder.exists():
@@ -83,9 +83,20 @@ def check_writable(folder: Path) -> None:
                 each.rmdir()
 
 
+def clear_draft(folder: Path) -> None:
+    """Clear away the draft that a killed run left beside `folder`; another run's stays."""
+    if _draft_of(folder).exists():
+        with suppress(ProjectError, OSError), _claimed(folder):
+            shutil.rmtree(_draft_of(folder), ignore_errors=True)
+
+
 def archive_of(folder: Path) -> Path:
     """Return where a folder's zip lies: beside it, ``<folder>.zip``."""
     return folder.with_name(f"{folder.name}.zip")
+
+
+def _draft_of(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.draft")
 
 
 def _put(draft: Path, folder: Path, previous: Path) -> None:

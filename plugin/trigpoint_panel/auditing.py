@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from trigpoint.bundle import bundle_path
+from trigpoint.delivery import clear_draft
 from trigpoint.errors import TrigpointError
 from trigpoint.project import Project
 from trigpoint_panel.jobs import Tick
@@ -127,6 +129,7 @@ def audit(tick: Tick, python: Sequence[str], project: Project) -> Audited:
         code = child.wait()
     except BaseException:
         _stop(child)
+        clear_draft(bundle_path(project))  # where it heard too late to clear up itself
         raise
     return _outcome(code, "".join(printed), said)
 

@@ -2,11 +2,13 @@ import json
 import os
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 
+from trigpoint_panel import auditing
 from trigpoint_panel.auditing import AuditError, audit
 from trigpoint_panel.jobs import CancelledError
 from trigpoint_panel.state import BLANK
@@ -73,6 +75,30 @@ def test_a_cancel_ends_the_process_and_its_own_children(stand_in, tmp_path):
         while _runs(pid) and time.monotonic() < end:
             time.sleep(0.05)
         assert not _runs(pid)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+def test_a_process_too_busy_to_clear_up_leaves_nothing_half_written(
+    stand_in, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(auditing, "GRACE", 0.2)
+    draft = tmp_path / "audit" / f".{BLANK.about.id}-r{BLANK.about.revision}.draft"
+    script = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        f"os.makedirs({str(draft / 'data')!r})\n"
+        "print('writing', file=sys.stderr, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+
+    def tick(_share, text):
+        if text == "writing":
+            assert draft.is_dir()
+            raise CancelledError
+
+    with pytest.raises(CancelledError):
+        audit(tick, stand_in(script), replace(BLANK, path=tmp_path / "project.toml"))
+    assert list((tmp_path / "audit").iterdir()) == []
 
 
 def test_the_host_s_own_settings_of_python_stay_behind(stand_in, monkeypatch):
