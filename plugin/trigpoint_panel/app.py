@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
+import re
 import signal
+import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -25,6 +27,14 @@ NEEDED = ("qtpy", "pyvista", "pyvistaqt", "vtkmodules", "matplotlib")
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 # Python hears of a signal only when it runs, and while nothing happens Qt runs alone.
 LISTEN_MS = 200
+# Qt aborts where it can't connect to a display, and Python never hears of it: another process tries
+# first. It leaves no core dump.
+TRY = """
+import resource
+from qtpy.QtGui import QGuiApplication
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+QGuiApplication([])
+"""
 INSTALL = 'pip install "trigpoint[panel]"'
 
 
@@ -63,9 +73,25 @@ def missing() -> str:
 
 def no_display() -> str:
     """Say that there is nothing to show a window on, where Qt would abort the process."""
-    if not sys.platform.startswith("linux") or any(map(os.environ.get, DISPLAYS)):
+    if not sys.platform.startswith("linux"):
         return ""
-    return "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): start it on a desktop."
+    if not any(map(os.environ.get, DISPLAYS)):
+        return (
+            "There is no display (DISPLAY and WAYLAND_DISPLAY are not set): start it on a desktop."
+        )
+    tried = subprocess.run(
+        [sys.executable, "-c", TRY],
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if tried.returncode == 0:
+        return ""
+    found = re.search(r"^qt\.qpa\.\w+: (.+?)\.?$", tried.stderr, re.MULTILINE)
+    why = found[1] if found else f"it ended with code {tried.returncode}"
+    given = ", ".join(f"{name}={os.environ[name]}" for name in DISPLAYS if os.environ.get(name))
+    return f"Qt can't show a window with {given} ({why}): start it on a desktop."
 
 
 def close_on_interrupt(window: Window) -> QTimer:

@@ -378,6 +378,25 @@ def test_without_a_display_it_says_so_in_one_sentence(tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="displays are Linux's")
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"DISPLAY": ":4099", "QT_QPA_PLATFORM": "xcb"}, "could not connect to display :4099"),
+        ({"QT_QPA_PLATFORM": "canvas"}, 'Could not find the Qt platform plugin "canvas"'),
+    ],
+)
+def test_a_display_that_is_not_there_is_told_in_one_sentence(tmp_path, given, why):
+    nowhere = dict.fromkeys(app.DISPLAYS, "")
+    done = started(tmp_path, "from trigpoint_panel import app; app.main([])", **nowhere | given)
+    assert done.returncode == 2
+    assert done.stderr.startswith("trigpoint-panel: Qt can't show a window with ")
+    assert all(f"{name}={value}" in done.stderr for name, value in given.items())
+    assert why in done.stderr
+    assert done.stderr.endswith("start it on a desktop.\n")
+    assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
 def test_an_interrupt_closes_the_window(tmp_path):
     code = (
