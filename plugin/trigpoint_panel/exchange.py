@@ -173,7 +173,7 @@ def read_point_list(path: Path | str) -> tuple[Point, ...]:
     Raises
     ------
     PicksError
-        If the file can't be read, or a line is no point.
+        If the file can't be read, a line is no point, or two lines give one name.
     """
     path = Path(path)
     try:
@@ -185,6 +185,7 @@ def read_point_list(path: Path | str) -> tuple[Point, ...]:
         message = f"{path.name} is not UTF-8 text (at byte {error.start})."
         raise PicksError(message) from error
     points: list[Point] = []
+    lines: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         bare = line.strip()
         if not bare or bare.startswith(("//", "#")):
@@ -192,7 +193,14 @@ def read_point_list(path: Path | str) -> tuple[Point, ...]:
         cells = _cells(bare)
         place = _place(cells[-3:]) if len(cells) in (3, 4) else None
         if place is not None:
-            points.append(Point(cells[0] if len(cells) == 4 else "", place))
+            name = cells[0] if len(cells) == 4 else ""
+            if name and lines.setdefault(name, number) != number:
+                message = (
+                    f"{path.name} names two points {name!r}, in lines {lines[name]} and {number}: "
+                    f"rename one of them, or take it out."
+                )
+                raise PicksError(message)
+            points.append(Point(name, place))
         elif points or not _is_header(cells):
             message = f"{path.name}, line {number} is no point: it needs a name, x, y and z."
             raise PicksError(message)

@@ -127,6 +127,7 @@ def test_point_lists_are_read_as_programs_write_them(tmp_path, text, names):
         (b"1,2,3\nx,y,z\n", "line 2 is no point"),
         (b"\xff\xfe1,2,3", "not UTF-8"),
         (HEADER.encode() + ROWS.encode(), "line 1 is no point"),
+        (b"roof,1,2,3\nsill,4,5,6\n# again\nroof,7,8,9\n", "two points 'roof', in lines 1 and 4"),
     ],
 )
 def test_what_is_no_point_list_is_refused_with_its_line(model, tmp_path, content, words):
