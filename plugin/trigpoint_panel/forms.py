@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -143,6 +144,9 @@ def say(label: QLabel, text: str, level: str = "") -> None:
 def numbers(text: str) -> tuple[float, ...]:
     """Read numbers between commas, semicolons or blanks.
 
+    A comma between two digits is a decimal one, unless there is a point too: "0,05" is five
+    hundredths, never nought and five.
+
     Raises
     ------
     ValueError
@@ -150,10 +154,14 @@ def numbers(text: str) -> tuple[float, ...]:
 
     Examples
     --------
-    >>> numbers("0.05, 0.10; 0.2")
+    >>> numbers("0.05,0.10; 0.2")
     (0.05, 0.1, 0.2)
+    >>> numbers("0,05, 0,1")
+    (0.05, 0.1)
     """
-    return tuple(float(word) for word in text.replace(",", " ").replace(";", " ").split())
+    words = re.split(r"[;\s]+|,(?!\d)|(?<!\d),", text)
+    parted = (word.split(",") if "." in word else [word.replace(",", ".")] for word in words)
+    return tuple(float(number) for each in parted for number in each if number)
 
 
 def listed(values: Sequence[float]) -> str:

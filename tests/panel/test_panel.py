@@ -846,6 +846,14 @@ def test_settings_that_can_not_be_are_refused(panel, host):
     tab.within.setText("near")
     tab.within.editingFinished.emit()
     assert "Thresholds are distances" in tab.trouble.text()
+    tab.within.setText("0,05")
+    tab.within.editingFinished.emit()
+    assert panel.model.state.comparison.within_m == (0.05,)
+    assert tab.within.text() == "0.05"
+    tab.within.setText("0,05,0,1")
+    tab.within.editingFinished.emit()
+    assert "Thresholds are distances" in tab.trouble.text()
+    assert panel.model.state.comparison.within_m == (0.05,)
     panel.report_tab.date.setText("yesterday")
     panel.report_tab.date.editingFinished.emit()
     assert "is no date" in host.said[-1][1]
