@@ -58,8 +58,7 @@ class Sight:
 
     def pixel(self, deep: float) -> float:
         """Return the size of a device pixel so far ahead of the camera, in the cloud's units."""
-        size = self.camera.height / self.size[1]
-        return size if self.camera.parallel else size * max(deep, 1e-9) / self.camera.distance
+        return float(self._pixels(np.array(deep)))
 
     def pick(
         self, columns: NDArray[np.float32], x: float, y: float, *, reach: float, width: float
@@ -119,13 +118,21 @@ class Sight:
         order = np.argsort(x)
         sorted_x = x[order]
         hidden = []
-        for (left, bottom), far in zip(self.project(local), self.depth(local), strict=True):
+        far = self.depth(local)
+        limits = far - BEFORE * self._pixels(far)
+        for (left, bottom), limit in zip(self.project(local), limits, strict=True):
             start, end = np.searchsorted(sorted_x, [left - reach, left + reach])
             rows = order[start:end]
             rows = rows[np.abs(y[rows] - bottom) <= reach]
-            before = (deep[rows] > 0) & (deep[rows] < far - BEFORE * self.pixel(float(far)))
+            before = (deep[rows] > 0) & (deep[rows] < limit)
             hidden.append(int(before.sum()) >= HIDERS)
         return np.array(hidden, np.bool_)
+
+    def _pixels(self, deep: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = self.camera.height / self.size[1]
+        if self.camera.parallel:
+            return np.full_like(deep, size)
+        return np.asarray(size * np.maximum(deep, 1e-9) / self.camera.distance)
 
     def _near_ray(
         self, columns: NDArray[np.float32], x: float, y: float, reach: float

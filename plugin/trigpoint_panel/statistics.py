@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -203,7 +203,8 @@ def fit_pairs(
 def _fit(
     pairs: Pairs, settings: AlignmentSettings, survey: Survey | None, adopted: Adopted | None
 ) -> Fit:
-    found, refusal, places = _aligned(complete(pairs), settings, survey)
+    bare = tuple(replace(pair, note="") for pair in complete(pairs))
+    found, refusal, places = _aligned(bare, settings, survey)
     controls, checks = with_role(pairs, "control"), with_role(pairs, "check")
     refined = None if adopted is None else adopted.similarity
     table = _table(pairs, found, refined, settings.threshold_m)
@@ -232,7 +233,7 @@ def _fit(
 def _aligned(
     pairs: Pairs, settings: AlignmentSettings, survey: Survey | None
 ) -> tuple[Alignment | None, str, pd.DataFrame]:
-    """Ask the engine; a half-open pair comes and goes without asking again."""
+    """Ask the engine; half-open pairs and notes come and go without asking again."""
     controls = with_role(pairs, "control")
     if len(controls) < FEWEST:
         return None, f"{len(controls)} of {FEWEST} control pairs.", _nowhere()

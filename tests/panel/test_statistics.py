@@ -78,6 +78,12 @@ def test_the_numbers_are_those_of_the_command_line(picked, tmp_path):
     assert np.isnan(table.loc["P11", "d_m"])
 
 
+def test_a_note_is_written_without_asking_the_engine_again(picked):
+    pairs, _ = picked()
+    noted = (replace(pairs[0], note="wet plaster"), *pairs[1:])
+    assert fit_pairs(noted).alignment is fit_pairs(pairs).alignment is not None
+
+
 def test_residuals_are_target_minus_transformed_source(picked):
     pairs, _ = picked()
     fit = fit_pairs(pairs)
