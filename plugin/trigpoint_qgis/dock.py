@@ -1,4 +1,4 @@
-"""The dock: the panel, or the card that says why it can't be shown, under a bar of messages."""
+"""The dock: the panel under its messages, or the card that says why it can't be shown."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from qgis.core import Qgis, QgsApplication, QgsSettings
-from qgis.gui import QgsMessageBar
-from qgis.PyQt.QtCore import PYQT_VERSION_STR, QCoreApplication, QSize, Qt, QTimer
-from qgis.PyQt.QtWidgets import QApplication, QDockWidget, QSizePolicy, QVBoxLayout, QWidget
+from qgis.PyQt.QtCore import PYQT_VERSION_STR, QCoreApplication, QEvent, QSize, Qt, QTimer
+from qgis.PyQt.QtWidgets import QApplication, QDockWidget, QVBoxLayout, QWidget
 
 from trigpoint_qgis import deps
 
@@ -39,6 +38,7 @@ class TrigpointDock(QDockWidget):
         self.panel: Any = None
         self.card: Any = None
         self.host: Any = None
+        self.strip: Any = None
         self._attach = attach
         self._filled = False
         inside = QWidget(self)
@@ -46,9 +46,6 @@ class TrigpointDock(QDockWidget):
         self._column = QVBoxLayout(inside)
         self._column.setContentsMargins(0, 0, 0, 0)
         self._column.setSpacing(0)
-        self.bar = QgsMessageBar(inside)
-        self.bar.setSizePolicy(QSizePolicy.Policy.Minimum, QSizePolicy.Policy.Fixed)
-        self._column.addWidget(self.bar)
         self.setWidget(inside)
         iface.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, self)
         settings = QgsSettings()
@@ -76,6 +73,12 @@ class TrigpointDock(QDockWidget):
             self._attach()
             if not deps.lacking(deps.PANEL):
                 QTimer.singleShot(0, self.look_again)
+
+    def changeEvent(self, event: Any) -> None:
+        """Follow the theme."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and getattr(self, "strip", None) is not None:
+            self.strip.restyle()
 
     def look_again(self) -> None:
         """Show the panel if all it needs is there, else the card."""
@@ -111,7 +114,8 @@ class TrigpointDock(QDockWidget):
             panel.shutdown()
             self.host.shutdown()
             self._remove(panel)
-            self.host = None
+            self._remove(self.strip)
+            self.host = self.strip = None
 
     def _open(self) -> str:
         """Make the panel; return why not, if not."""
@@ -120,9 +124,12 @@ class TrigpointDock(QDockWidget):
         try:
             deps.load()
             from trigpoint_panel.panel import Panel
+            from trigpoint_panel.strip import MessageStrip
             from trigpoint_qgis.host import QgisHost
 
-            self.host = QgisHost(self, self.bar)
+            # Not QGIS's own bar: beside two buttons it leaves a narrow dock half a sentence.
+            self.strip = MessageStrip(self.widget())
+            self.host = QgisHost(self, self.strip)
             self.panel = Panel(self.host, parent=self.widget(), canvas=_canvas())
         except Exception as error:  # the dock must open: it is where the user learns of it
             QgsApplication.messageLog().logMessage(
@@ -130,8 +137,10 @@ class TrigpointDock(QDockWidget):
             )
             if self.host is not None:
                 self.host.shutdown()
-                self.host = None
+                self.strip.deleteLater()
+                self.host = self.strip = None
             return f"{type(error).__name__}: {error}"
+        self._column.addWidget(self.strip)
         self._column.addWidget(self.panel, 1)
         QTimer.singleShot(0, self._settle)
         return ""

@@ -1,19 +1,19 @@
-"""QGIS as the panel's host: its settings, message bar, task manager, dialogs and map."""
+"""QGIS as the panel's host: its settings, message log, task manager, dialogs and map."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from qgis.core import Qgis, QgsApplication, QgsProject, QgsSettings, QgsTask
-from qgis.gui import QgsMessageBar, QgsProjectionSelectionDialog
+from qgis.gui import QgsProjectionSelectionDialog
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtGui import QDesktopServices
-from qgis.PyQt.QtWidgets import QPushButton, QWidget
+from qgis.PyQt.QtWidgets import QWidget
 
 from trigpoint_panel.host import chosen_file, chosen_place
+from trigpoint_panel.strip import MessageStrip
 from trigpoint_qgis import auditing, results
 
 PREFIX = "trigpoint/"
@@ -23,8 +23,6 @@ LEVELS = {
     "warning": Qgis.MessageLevel.Warning,
     "error": Qgis.MessageLevel.Critical,
 }
-# Errors and warnings stay until they are closed.
-SECONDS = {"info": 8, "success": 8, "warning": 0, "error": 0}
 
 
 class QgisHost:
@@ -34,12 +32,12 @@ class QgisHost:
     ----------
     window : QWidget
         Over which dialogs open.
-    bar : QgsMessageBar
+    strip : MessageStrip
         In which messages appear: the panel's own, since a floating panel may cover QGIS's.
     """
 
-    def __init__(self, window: QWidget, bar: QgsMessageBar) -> None:
-        self._window, self._bar = window, bar
+    def __init__(self, window: QWidget, strip: MessageStrip) -> None:
+        self._window, self._strip = window, strip
         self._tasks: list[_JobTask] = []
         self._dialogs: list[Any] = []
 
@@ -66,22 +64,14 @@ class QgisHost:
         details: str = "",
         actions: Sequence[tuple[str, Callable[[], object]]] = (),
     ) -> None:
-        """Tell the user something in the panel's message bar."""
-        item = self._bar.createMessage("", text)
+        """Tell the user something in the panel's message strip, and QGIS's log of its details."""
         if details:
-            actions = (*actions, (self._window.tr("Details"), lambda: self._details(text, details)))
             QgsApplication.messageLog().logMessage(f"{text}\n{details}", "Trigpoint", LEVELS[level])
-        for title, action in actions:
-            button = QPushButton(title, item)
-            # What asks first can be given up, and then the message still holds.
-            answer = action if title.endswith("…") else partial(self._answered, item, action)
-            button.clicked.connect(lambda _checked=False, act=answer: act())
-            item.layout().addWidget(button)
-        self._bar.pushWidget(item, LEVELS[level], SECONDS[level])
+        self._strip.add(level, text, details, actions)
 
     def clear_messages(self) -> None:
         """Take away what no longer holds."""
-        self._bar.clearWidgets()
+        self._strip.clear()
 
     def run(self, job: Any) -> None:
         """Run a job as a task of QGIS, with its place in the task bar."""
@@ -136,20 +126,6 @@ class QgisHost:
                 task.job.cancel()
                 task.waitForFinished(2000)
         self._tasks.clear()
-
-    def _answered(self, item: Any, action: Callable[[], object]) -> None:
-        self._bar.popWidget(item)
-        action()
-
-    def _details(self, text: str, details: str) -> None:
-        from qgis.core import QgsMessageOutput
-
-        output = QgsMessageOutput.createMessageOutput()
-        output.setTitle("Trigpoint")
-        kind = getattr(Qgis, "StringFormat", None)
-        plain = kind.PlainText if kind else QgsMessageOutput.MessageType.MessageText
-        output.setMessage(f"{text}\n\n{details}", plain)
-        output.showMessage(False)
 
     def _home(self) -> str:
         return QgsProject.instance().homePath() or str(Path.home())

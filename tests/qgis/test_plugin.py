@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip("qgis.core", reason="this Python is not QGIS's; .ci/qgis.sh makes one that is")
 pytest.importorskip("pytest_qgis", reason="pytest-qgis is not installed")
 
-from qgis.core import QgsApplication, QgsSettings, QgsTask
-from qgis.gui import QgsMessageBar
+from qgis.core import Qgis, QgsApplication, QgsSettings, QgsTask
 from qgis.PyQt.QtWidgets import QMainWindow, QPushButton
 
 import trigpoint_qgis
@@ -219,12 +218,12 @@ def type_of_dock():
 @pytest.fixture
 def host(qgis_app):  # noqa: ARG001
     pytest.importorskip("qtpy", reason="qtpy is not installed")
+    from trigpoint_panel.strip import MessageStrip
     from trigpoint_qgis.host import QgisHost
 
     window = QMainWindow()
-    bar = QgsMessageBar(window)
-    made = QgisHost(window, bar)
-    made.bar = bar
+    made = QgisHost(window, MessageStrip(window))
+    made.strip = made._strip
     made.window = window
     yield made
     made.shutdown()
@@ -299,27 +298,34 @@ def test_settings_come_back_as_they_were(host, value):
     assert bytes(found) == value if isinstance(value, bytes) else found == value
 
 
-def test_messages_appear_in_the_bar_with_what_can_be_done(host):
-    pressed = [1]
-    host.message("error", "The cloud has no CRS.", "details", [("Choose", pressed.clear)])
-    item = host.bar.currentItem()
-    assert "no CRS" in item.text()
-    titles = {button.text(): button for button in item.findChildren(QPushButton)}
+def test_messages_appear_in_the_strip_with_what_can_be_done_and_their_details_in_the_log(host):
+    pressed, logged = [1], []
+    QgsApplication.messageLog().messageReceived[str, str, Qgis.MessageLevel].connect(
+        lambda *said: logged.append(said)
+    )
+    host.message("error", "The cloud has no CRS.", "found: none", [("Choose", pressed.clear)])
+    assert host.strip.texts() == ["The cloud has no CRS."]
+    assert logged == [
+        ("The cloud has no CRS.\nfound: none", "Trigpoint", Qgis.MessageLevel.Critical)
+    ]
+    titles = {button.text(): button for button in host.strip.messages[0].buttons}
     assert {"Choose", "Details"} <= set(titles)
     titles["Choose"].click()
     assert not pressed
+    host.message("info", "Carried.")
     host.clear_messages()
-    wait_until(lambda: host.bar.currentItem() is None)
+    assert host.strip.texts() == []
 
 
-def test_a_message_stays_while_what_it_offers_can_be_given_up(host):
-    asked = []
-    host.message("error", "The cloud has no CRS.", "", [("Choose a CRS…", lambda: asked.append(1))])
-    item = host.bar.currentItem()
-    (choose,) = [b for b in item.findChildren(QPushButton) if b.text() == "Choose a CRS…"]
-    choose.click()
-    assert asked == [1]
-    assert host.bar.currentItem() is item
+def test_a_message_is_read_whole_where_the_dock_is_narrow(host):
+    host.message("error", "The reference lidar.laz has no CRS: " + "choose one. " * 8, "details")
+    host.strip.resize(480, 200)
+    host.window.resize(480, 300)
+    host.window.show()
+    wait_until(lambda: host.strip.messages[0].sentence.width() > 300)
+    sentence = host.strip.messages[0].sentence
+    wait_until(lambda: sentence.verticalScrollBar().maximum() == 0)
+    assert sentence.height() > 2 * sentence.fontMetrics().height()
 
 
 def test_a_document_that_nothing_opens_is_told_with_its_place(host, monkeypatch, tmp_path):
@@ -331,7 +337,7 @@ def test_a_document_that_nothing_opens_is_told_with_its_place(host, monkeypatch,
     )
     host.open_document(tmp_path / "report.html")
     assert asked == [str(tmp_path / "report.html")]
-    assert str(tmp_path / "report.html") in host.bar.currentItem().text()
+    assert str(tmp_path / "report.html") in host.strip.texts()[0]
 
 
 def test_what_runs_is_told_by_the_panel_and_not_by_qgis_too(host):

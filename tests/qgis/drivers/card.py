@@ -5,21 +5,17 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, os.environ["TRIGPOINT_DRIVERS"])
-from driving import GIVEN, SAID, breathe, drive, shot, wait
+from driving import GIVEN, SAID, breathe, card_of, drive, opened, shot, wait
 from qgis.core import QgsApplication
 from qgis.PyQt.QtWidgets import QApplication
-from qgis.utils import iface, plugins
-
-NAME = "trigpoint_qgis"
+from qgis.utils import iface
 
 
 def steps():
-    plugin = plugins[NAME]
-    plugin.action.trigger()
-    wait(lambda: plugin.dock.card is not None, "the card")
-    card = plugin.dock.card
+    dock = opened()
+    card = card_of(dock)
     SAID["text"] = card.text.text()
-    SAID["panel"] = plugin.dock.panel is not None
+    SAID["panel"] = dock.panel is not None
     SAID["modal"] = QApplication.activeModalWidget() is not None
     shot("qgis-6-card")
     algorithm = QgsApplication.processingRegistry().algorithmById("trigpoint:align")
@@ -37,7 +33,7 @@ def steps():
     shot("qgis-7-failed")
     # The folder that has them opens the panel, without a restart.
     card.use(GIVEN["environment"])
-    wait(lambda: plugin.dock.panel is not None, "the panel")
+    wait(lambda: dock.panel is not None, "the panel")
     shot("qgis-8-ready")
     iface.messageBar().clearWidgets()
 

@@ -14,11 +14,12 @@ from pathlib import Path
 from qgis.PyQt.QtCore import QEvent, QPoint, Qt, QTimer
 from qgis.PyQt.QtTest import QTest
 from qgis.PyQt.QtWidgets import QApplication, QMessageBox
-from qgis.utils import iface
+from qgis.utils import iface, plugins
 
 faulthandler.enable()
 GIVEN = json.loads(os.environ["TRIGPOINT_GIVEN"])
 SAID, ERRORS = {}, []
+NAME = "trigpoint_qgis"
 
 # QGIS's own installer ends with a box that somebody would have to close.
 for _name in ("information", "warning", "critical"):
@@ -62,6 +63,31 @@ def wait(true, what, seconds=40):
             message = f"it took longer than {seconds} s: {what}"
             raise TimeoutError(message)
         breathe(0.02)
+
+
+def opened(then=lambda _: None):
+    """Open the dock as a user does; return it once it shows the panel or the card.
+
+    What is to happen to it before it is filled is done `then`.
+    """
+    plugin = plugins[NAME]
+    plugin.action.trigger()
+    dock = plugin.dock
+    then(dock)
+    wait(lambda: dock.panel is not None or dock.card is not None, "the panel or the card")
+    return dock
+
+
+def panel_of(dock):
+    """Return the panel that a dock shows, or say what its card says."""
+    assert dock.panel is not None, f"{dock.card.text.text()} {dock.card.fault.text()}"
+    return dock.panel
+
+
+def card_of(dock):
+    """Return the card that a dock shows in place of the panel."""
+    assert dock.card is not None, "the dock shows the panel"
+    return dock.card
 
 
 def shot(name):

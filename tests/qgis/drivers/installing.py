@@ -6,24 +6,19 @@ from pathlib import Path
 
 sys.path.insert(0, os.environ["TRIGPOINT_DRIVERS"])
 import numpy as np
-from driving import GIVEN, SAID, drive, shot, wait
+from driving import GIVEN, SAID, card_of, drive, opened, shot, wait
 from qgis.core import QgsApplication
-from qgis.utils import plugins
-
-NAME = "trigpoint_qgis"
 
 
 def steps():
-    plugin = plugins[NAME]
-    plugin.action.trigger()
-    wait(lambda: plugin.dock.card is not None, "the card")
-    card = plugin.dock.card
+    dock = opened()
+    card = card_of(dock)
     shot("installing-1-card")
     card.install.click()
     wait(lambda: card.log.blockCount() > 20, "the log", 60)
     shot("installing-2-log")
-    wait(lambda: plugin.dock.panel is not None or card.install.isEnabled(), "the end", 450)
-    SAID["panel"] = plugin.dock.panel is not None
+    wait(lambda: dock.panel is not None or card.install.isEnabled(), "the end", 450)
+    SAID["panel"] = dock.panel is not None
     SAID["fault"] = "" if SAID["panel"] else card.fault.text() + card.log.toPlainText()[-2000:]
     shot("installing-3-panel")
     own = Path(GIVEN["profile"]) / "python" / "trigpoint-env"

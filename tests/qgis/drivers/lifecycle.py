@@ -6,13 +6,23 @@ import time
 
 sys.path.insert(0, os.environ["TRIGPOINT_DRIVERS"])
 import numpy as np
-from driving import GIVEN, SAID, breathe, click, colours, drive, shot, wait
+from driving import (
+    GIVEN,
+    NAME,
+    SAID,
+    breathe,
+    click,
+    colours,
+    drive,
+    opened,
+    panel_of,
+    shot,
+    wait,
+)
 from qgis.core import Qgis, QgsApplication, QgsProject
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtTest import QTest
 from qgis.utils import active_plugins, iface, loadPlugin, plugins, startPlugin, unloadPlugin
-
-NAME = "trigpoint_qgis"
 
 
 def steps():
@@ -32,9 +42,9 @@ def steps():
 
     # The dock floats, and is filled only once it has its own window.
     begun = time.monotonic()
-    panel = opened()
+    dock = opened()
+    panel = panel_of(dock)
     SAID["seconds_to_panel"] = round(time.monotonic() - begun, 2)
-    dock = plugins[NAME].dock
     SAID["floating"] = dock.isFloating()
     breathe(1)
     shot("qgis-1-empty")
@@ -82,7 +92,7 @@ def steps():
 
     # Reloaded; docked at once, so that it is filled there, then floated before its first paint.
     SAID["reloaded"] = loadPlugin(NAME) and startPlugin(NAME)
-    panel = opened(then=lambda dock: (dock.setFloating(False), dock.setFloating(True)))
+    panel = panel_of(opened(lambda dock: (dock.setFloating(False), dock.setFloating(True))))
     panel.open_session(GIVEN["project"])
     wait(lambda: all(panel.views.opened.values()), "both clouds again")
     breathe(1.5)
@@ -91,16 +101,6 @@ def steps():
     ]
     shot("qgis-5-reloaded")
     SAID["layers"] = len(QgsProject.instance().mapLayers())
-
-
-def opened(then=lambda _: None):
-    plugin = plugins[NAME]
-    plugin.action.trigger()
-    then(plugin.dock)
-    wait(lambda: plugin.dock.panel is not None or plugin.dock.card is not None, "the panel")
-    if plugin.dock.panel is None:
-        raise AssertionError(plugin.dock.card.text.text() + plugin.dock.card.fault.text())
-    return plugin.dock.panel
 
 
 def picked(panel, views):

@@ -5,30 +5,37 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, os.environ["TRIGPOINT_DRIVERS"])
-from driving import GIVEN, SAID, breathe, colours, drive, rendered, shot, wait
+from driving import (
+    GIVEN,
+    NAME,
+    SAID,
+    breathe,
+    colours,
+    drive,
+    opened,
+    panel_of,
+    rendered,
+    shot,
+    wait,
+)
 from qgis.core import Qgis, QgsApplication, QgsMapLayer, QgsProject
 from qgis.PyQt.QtCore import QObject, QUrl, pyqtSlot
 from qgis.PyQt.QtGui import QDesktopServices
-from qgis.PyQt.QtWidgets import QApplication, QPushButton
+from qgis.PyQt.QtWidgets import QApplication
 from qgis.utils import iface, plugins, unloadPlugin
-
-NAME = "trigpoint_qgis"
 
 
 def steps():
     # In place of the desktop, which has no browser here.
-    opened = []
-    desktop = Desktop(opened)
+    asked = []
+    desktop = Desktop(asked)
     QDesktopServices.setUrlHandler("file", desktop, "open")
     QgsApplication.setUITheme(GIVEN["theme"])
     iface.mainWindow().setGeometry(QApplication.primaryScreen().geometry())
     breathe(1)
 
-    plugin = plugins[NAME]
-    plugin.action.trigger()
-    wait(lambda: plugin.dock.panel is not None or plugin.dock.card is not None, "the panel")
-    assert plugin.dock.panel is not None, plugin.dock.card.fault.text()
-    dock, panel = plugin.dock, plugin.dock.panel
+    dock = opened()
+    panel = panel_of(dock)
     shot("story-1-empty")
     panel.open_session(GIVEN["project"])
     wait(lambda: all(panel.views.opened.values()), "both clouds")
@@ -61,8 +68,8 @@ def steps():
     wait(lambda: panel.report_tab.audited is not None, "the audit", 400)
     SAID["verdict"] = panel.report_tab.audited.verdict
     breathe(0.5)
-    SAID["opened"] = opened
-    SAID["offered"] = [button.text() for button in dock.bar.currentItem().findChildren(QPushButton)]
+    SAID["opened"] = asked
+    SAID["offered"] = [button.text() for button in dock.strip.messages[0].buttons]
     shot("story-6-report")
     project = QgsProject.instance()
     wait(lambda: project.layerTreeRoot().findGroups(), "the layers", 60)
@@ -73,12 +80,13 @@ def steps():
     SAID["project_crs"] = project.crs().authid()
     SAID["drawn"] = colours(iface.mapCanvas())
     shot("story-7-map")
-    plugin.action.trigger()
+    plugins[NAME].action.trigger()
     dock.setFloating(False)
     breathe(1)
     shot("story-8-map-and-panel")
 
     SAID["loaded"] = loaded(Path(GIVEN["project"]))
+    SAID["from_the_top"] = [each.name() for each in project.layerTreeRoot().findLayers()]
     shot("story-9-processing")
 
     # What was measured stays on the map when the plugin goes.
