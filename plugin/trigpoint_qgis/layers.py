@@ -11,6 +11,7 @@ from osgeo import gdal
 from qgis.core import (
     Qgis,
     QgsCategorizedSymbolRenderer,
+    QgsColorRampLegendNodeSettings,
     QgsColorRampShader,
     QgsCoordinateReferenceSystem,
     QgsCoordinateTransformContext,
@@ -44,12 +45,16 @@ from trigpoint_qgis.plan import PlanGrid
 PICKS = "picks"
 VECTORS = "residual_vectors"
 RASTERS = ("completeness", "error")
-# A pick's marker by its role, as the panel draws it.
+# What lies over what on the map, from the bottom up.
+PILE = (*RASTERS, "footprint", VECTORS, PICKS)
+# A pick's marker by its role, as the panel draws it; one that the others agree without has its own.
 MARKERS = (
     ("control", "circle", "#0072b2"),
+    ("rejected", "triangle", "#d62718"),
     ("check", "square", "#009e73"),
     ("off", "cross2", "#59616d"),
 )
+SORT = """if("role" = 'control' and "used" = 'no', 'rejected', "role")"""
 INK = "#1b1e23"
 # Low to high: good to bad for an error, bad to good for completeness. Seen alike by the colour
 # blind, and light to dark in print.
@@ -169,6 +174,8 @@ def write_raster(
         file.SetProjection(crs)
     band = file.GetRasterBand(1)
     band.SetNoDataValue(float("nan"))
+    # Else the legend calls them grey.
+    band.SetColorInterpretation(gdal.GCI_Undefined)
     band.SetDescription(about)
     band.WriteArray(values.astype(np.float32))
     band.FlushCache()
@@ -233,7 +240,7 @@ def style(layer: Any, kind: str, *, largest: float = 0.0, vertical: str = "") ->
             QgsRendererCategory(role, QgsMarkerSymbol.createSimple(_marker(shape, colour)), role)
             for role, shape, colour in MARKERS
         ]
-        layer.setRenderer(QgsCategorizedSymbolRenderer("role", categories))
+        layer.setRenderer(QgsCategorizedSymbolRenderer(SORT, categories))
         layer.setLabeling(QgsVectorLayerSimpleLabeling(_labels()))
         layer.setLabelsEnabled(True)
     elif kind == VECTORS:
@@ -245,7 +252,11 @@ def style(layer: Any, kind: str, *, largest: float = 0.0, vertical: str = "") ->
         )
         layer.setRenderer(QgsSingleSymbolRenderer(symbol))
     elif isinstance(layer, QgsRasterLayer):
-        _colour(layer, 100.0 if kind == "completeness" else largest, kind != "completeness")
+        if kind == "completeness":
+            _colour(layer, RAMP[::-1], 100.0, "{:g} %")
+        else:
+            # The largest are drawn as what the colours end at.
+            _colour(layer, RAMP, largest or 1.0, "{:g} m", beyond="≥ ")
     layer.triggerRepaint()
 
 
@@ -277,16 +288,21 @@ def _labels() -> QgsPalLayerSettings:
     return labels
 
 
-def _colour(layer: QgsRasterLayer, largest: float, dark_is_high: bool) -> None:
-    shades = RAMP if dark_is_high else RAMP[::-1]
-    top = largest or 1.0
+def _colour(
+    layer: QgsRasterLayer, shades: tuple[str, ...], top: float, written: str, beyond: str = ""
+) -> None:
+    steps = [top * k / (len(shades) - 1) for k in range(len(shades))]
     ramp = QgsColorRampShader(0.0, top)
     ramp.setColorRampItemList(
         [
-            QgsColorRampShader.ColorRampItem(top * k / 4, QColor(shade), f"{top * k / 4:.3g}")
-            for k, shade in enumerate(shades)
+            QgsColorRampShader.ColorRampItem(step, QColor(shade), written.format(step))
+            for step, shade in zip(steps, shades, strict=True)
         ]
     )
+    legend = QgsColorRampLegendNodeSettings()
+    legend.setMinimumLabel(written.format(0))
+    legend.setMaximumLabel(beyond + written.format(top))
+    ramp.setLegendSettings(legend)
     shader = QgsRasterShader()
     shader.setRasterShaderFunction(ramp)
     renderer = QgsSingleBandPseudoColorRenderer(layer.dataProvider(), 1, shader)

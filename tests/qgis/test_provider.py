@@ -17,6 +17,7 @@ from qgis.core import (
     QgsProcessingException,
     QgsProject,
     QgsRasterLayer,
+    QgsRenderContext,
     QgsVectorLayer,
 )
 
@@ -148,6 +149,80 @@ def test_compare_maps_what_it_measures(run, small_project, tmp_path):
     assert feature.geometry().area() == pytest.approx(feature["area_m2"])
     # The ground about the building measures 16 x 14 m.
     assert 150 < feature["area_m2"] < 16 * 18
+
+
+def test_a_pick_that_the_others_agree_without_has_a_marker_of_its_own(
+    run,
+    small_project,
+    tmp_path,
+    qgis_new_project,  # noqa: ARG001
+):
+    from trigpoint_qgis import layers
+
+    project, _ = small_project()
+    lines = project.with_name("picks.csv").read_text().splitlines()
+    names, spoilt = lines[0].split(","), lines[1].split(",")
+    place = names.index("target_x")
+    spoilt[place] = str(float(spoilt[place]) + 3)
+    (tmp_path / "picks.csv").write_text("\n".join([lines[0], ",".join(spoilt), *lines[2:]]))
+    found = run(
+        "trigpoint:align",
+        {
+            "PICKS": str(tmp_path / "picks.csv"),
+            "SIMILARITY": str(tmp_path / "similarity.json"),
+            "POINTS": str(tmp_path / "points.gpkg"),
+        },
+    )
+    points = QgsVectorLayer(found["POINTS"], "points", "ogr")
+    layers.style(points, layers.PICKS)
+    context = QgsRenderContext()
+    renderer = points.renderer()
+    renderer.startRender(context, points.fields())
+    shown = {}
+    for feature in points.getFeatures():
+        context.expressionContext().setFeature(feature)
+        shown[feature["id"]] = renderer.legendKeysForFeature(feature, context)
+    renderer.stopRender(context)
+    titles = {item.ruleKey(): item.label() for item in renderer.legendSymbolItems()}
+    titled = {name: titles[key] for name, (key,) in ((n, tuple(k)) for n, k in shown.items())}
+    assert titled == dict.fromkeys((f"c{i}" for i in range(1, 6)), "control") | {
+        "c0": "rejected",
+        "c6": "check",
+        "c7": "check",
+    }
+
+
+def test_the_legend_of_a_raster_has_units_and_says_that_the_largest_are_cut(tmp_path):
+    from trigpoint_qgis import layers, plan
+
+    grid = plan.grid_over(np.array([[0.0, 0.0], [3.0, 3.0]]), 1.0)
+    values = np.arange(16, dtype=float).reshape(grid.shape)
+    layers.write_raster(tmp_path / "a.tif", values, grid, "", np.ones(3), "error (RMSE, m)")
+    raster = QgsRasterLayer(str(tmp_path / "a.tif"), "a")
+    assert raster.bandName(1) == "Band 1: error (RMSE, m)"
+    for kind, ends in (("error", ("0 m", "≥ 0.5 m")), ("completeness", ("0 %", "100 %"))):
+        layers.style(raster, kind, largest=0.5)
+        legend = raster.renderer().shader().rasterShaderFunction().legendSettings()
+        assert (legend.minimumLabel(), legend.maximumLabel()) == ends
+
+
+def test_what_comes_to_the_map_lies_where_it_is_seen_whatever_was_there():
+    from trigpoint_qgis import layers
+    from trigpoint_qgis.algorithms.base import arrange
+
+    project, made = QgsProject(), {}
+    root = project.layerTreeRoot()
+    for kind in ("mine", *reversed(layers.PILE), "mine too"):
+        made[kind] = QgsVectorLayer("Point?crs=EPSG:32615", kind, "memory")
+        project.addMapLayer(made[kind], False)
+        root.insertLayer(0, made[kind])
+    pile = [(kind, made[kind].id()) for kind in layers.PILE]
+    for _ in range(2):
+        arrange(root, pile)
+        QgsApplication.processEvents()
+        names = [node.name() for node in root.findLayers()]
+        assert names == ["mine too", *reversed(layers.PILE), "mine"]
+    assert len(project.mapLayers()) == len(made)
 
 
 def test_an_audit_without_the_report_s_packages_is_refused_before_it_runs(provider, monkeypatch):

@@ -75,7 +75,7 @@ def test_from_the_project_to_the_report_and_the_map(
     assert said["menu_seen_docked"]
     assert said["tasks"] == ["Trigpoint: Audit"]
     assert said["verdict"] == "NOT TESTED"
-    assert said["offered"] == ["Open HTML", "Open PDF", "Details"]
+    assert said["offered"] == ["Open HTML", "Open PDF", "Details", "Copy", "✕"]
     assert [Path(path).name for path in said["opened"]] == ["report.html"]
     assert len(said["layers"]) == 8
     assert all(layer["valid"] and layer["crs"] == "EPSG:32615" for layer in said["layers"])
@@ -90,6 +90,12 @@ def test_from_the_project_to_the_report_and_the_map(
         "Error (RMSE, m)": ["singlebandpseudocolor", frame],
         "Footprint": ["singleSymbol", frame],
     }
+    # Whatever layer is selected: Processing's own order would lay rasters over what they show.
+    for pile in (
+        ("Picks", "Residuals x 20"),
+        ("Footprint", "Error (RMSE, m)", "Completeness within 0.2 m (%)"),
+    ):
+        assert [name for name in said["from_the_top"] if name in pile] == list(pile)
     assert said["layers_after"] == 13, "what was measured stays on the map when the plugin goes"
 
 

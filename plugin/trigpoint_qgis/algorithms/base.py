@@ -39,6 +39,11 @@ class TrigpointAlgorithm(QgsProcessingAlgorithm):
     TITLE = ""
     HELP = ""
 
+    def __init__(self) -> None:
+        super().__init__()
+        # What this run puts on the map: the kinds of layers and their ids.
+        self.pile: list[tuple[str, str]] = []
+
     def name(self) -> str:
         """Return the name after the provider's prefix."""
         return self.NAME
@@ -109,26 +114,58 @@ class TrigpointAlgorithm(QgsProcessingAlgorithm):
         if context.willLoadLayerOnCompletion(layer_id):
             details = context.layerToLoadOnCompletionDetails(layer_id)
             details.name = name
-            details.setPostProcessor(Styler(kind, more))
+            details.setPostProcessor(Styler(kind, more, self.pile))
 
 
 class Styler(QgsProcessingLayerPostProcessorInterface):
-    """Styles one layer once it is in the map."""
+    """Styles one layer once it is in the map, and puts it where it is seen.
 
-    def __init__(self, kind: str, more: dict[str, Any]) -> None:
+    Parameters
+    ----------
+    kind : str
+    more : dict of str to object
+        For `layers.style`.
+    pile : list of tuple
+        The kinds and ids of the same run's layers; this one joins them.
+    """
+
+    def __init__(self, kind: str, more: dict[str, Any], pile: list[tuple[str, str]]) -> None:
         super().__init__()
-        self.kind, self.more = kind, more
+        self.kind, self.more, self.pile = kind, more, pile
         _waiting.append(self)
 
-    def postProcessLayer(self, layer: Any, _context: Any, _feedback: Any) -> None:
+    def postProcessLayer(self, layer: Any, context: Any, _feedback: Any) -> None:
         """Style it."""
         _waiting.remove(self)
         layers.style(layer, self.kind, **self.more)
+        self.pile.append((self.kind, layer.id()))
+        if context.project() is not None:
+            arrange(context.project().layerTreeRoot(), self.pile)
 
 
 # Nobody else holds them: Processing runs a copy of an algorithm, and styles what it made after the
 # copy is gone.
 _waiting: list[Styler] = []
+
+
+def arrange(root: Any, pile: list[tuple[str, str]]) -> None:
+    """Put picks over vectors, those over a footprint, and that over rasters; in each group.
+
+    Processing's own order depends on names, on its version and on the layer that is selected.
+    """
+    groups: dict[int, tuple[Any, list[Any]]] = {}
+    for _, layer_id in sorted(pile, key=lambda one: layers.PILE.index(one[0]), reverse=True):
+        node = root.findLayer(layer_id)
+        if node is not None:
+            groups.setdefault(id(node.parent()), (node.parent(), []))[1].append(node)
+    for group, nodes in groups.values():
+        if nodes == [each for each in group.children() if each in nodes]:
+            continue
+        top = min(group.children().index(node) for node in nodes)
+        for place, node in enumerate(nodes, top):
+            group.insertChildNode(place, node.clone())
+        for node in nodes:
+            group.removeChildNode(node)
 
 
 @contextmanager
