@@ -64,6 +64,9 @@ class DependencyCard(QScrollArea):
         column.addWidget(title)
         self.text = self._paragraph(self._explained(lacks) if lacks else "", column)
         self.fault = self._paragraph(fault, column)
+        news = self.fault.font()
+        news.setBold(True)
+        self.fault.setFont(news)
         self.fault.setVisible(bool(fault))
 
         self.install = self._button(self._tr("Install…"), self.start)
@@ -78,7 +81,7 @@ class DependencyCard(QScrollArea):
             (self.install, into.format(folder=self._folder())),
             (
                 self.choose,
-                self._tr("Takes an environment, or a folder of packages, that is there."),
+                self._tr("Uses an environment, or a folder of packages, that you have already."),
             ),
             (self.copy, self._tr("For a terminal: the two commands that Install… would run.")),
             (self.cancel, self._tr("Removes what was made so far.")),

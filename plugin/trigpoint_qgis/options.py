@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from qgis.core import QgsSettings
 from qgis.gui import QgsFileWidget, QgsOptionsPageWidget, QgsOptionsWidgetFactory
-from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtCore import QCoreApplication, Qt
 from qgis.PyQt.QtGui import QIcon
 from qgis.PyQt.QtWidgets import QComboBox, QFormLayout, QLabel
 
@@ -56,8 +57,17 @@ class OptionsPage(QgsOptionsPageWidget):
             self,
         )
         note.setWordWrap(True)
+        self.fault = QLabel(self)
+        self.fault.setWordWrap(True)
+        self.fault.setTextFormat(Qt.TextFormat.PlainText)
+        font = self.fault.font()
+        font.setBold(True)
+        self.fault.setFont(font)
+        self.folder.fileChanged.connect(self._judge)
+        self._judge()
         form = QFormLayout(self)
         form.addRow(self._tr("Python environment"), self.folder)
+        form.addRow("", self.fault)
         form.addRow("", note)
         form.addRow(self._tr("Clouds are drawn with"), self.canvas)
 
@@ -70,6 +80,17 @@ class OptionsPage(QgsOptionsPageWidget):
         if folder != before:
             settings.setValue("trigpoint/python_env", folder)
             self._changed()
+
+    def _judge(self, _path: str = "") -> None:
+        """Say at once why a folder can't be used: once the page is closed nobody would."""
+        folder, fault = self.folder.filePath().strip(), ""
+        try:
+            if folder:
+                deps.find_environment(Path(folder))
+        except (deps.FolderError, OSError) as error:
+            fault = str(error)
+        self.fault.setText(fault)
+        self.fault.setVisible(bool(fault))
 
     def _tr(self, text: str) -> str:
         return QCoreApplication.translate("Trigpoint", text)

@@ -375,3 +375,15 @@ def test_the_options_keep_what_is_chosen(settings, tmp_path):
     assert settings.value("trigpoint/canvas") == "image"
     page.apply()
     assert changed == [1], "nothing was changed"
+
+
+def test_the_options_say_at_once_why_a_folder_can_t_be_used(settings, tmp_path):  # noqa: ARG001
+    from trigpoint_qgis.options import OptionsFactory
+
+    page = OptionsFactory(lambda: None).createWidget(None)
+    assert page.fault.isHidden()
+    page.folder.setFilePath(str(tmp_path / "none"))
+    assert not page.fault.isHidden()
+    assert "is not a folder" in page.fault.text()
+    page.folder.setFilePath("")
+    assert page.fault.isHidden()

@@ -41,7 +41,13 @@ class Align(TrigpointAlgorithm):
         "they are worth: residuals, leave-one-out, reliability and geometry.\n\n"
         "Picks: a CSV with the columns id, source_x, source_y, source_z, target_x, target_y, "
         "target_z, and optionally role (control, check or off), sigma_source and sigma_target.\n\n"
-        "Picks and residual vectors become layers; the vectors are drawn longer than they are."
+        "Consensus: ransac draws sets of three picks, exhaustive tries every set; picks that do "
+        "not agree with the best one are rejected. With all, none is. Check picks are never "
+        "fitted.\n\n"
+        "CRS: of the target's coordinates, a projected one. Without it the layers have none.\n\n"
+        "A residual vector runs from where the fit puts a pick to where it was picked, drawn "
+        "longer than it is; d_m in its table is its true length.\n\n"
+        "The similarity (JSON) is what Apply needs."
     )
 
     def initAlgorithm(self, _configuration: Any = None) -> None:
@@ -54,13 +60,17 @@ class Align(TrigpointAlgorithm):
         )
         self.addParameter(
             QgsProcessingParameterNumber(
-                "THRESHOLD", self.tr("Inlier threshold (m)"), DOUBLE, 0.50, minValue=0.0
+                "THRESHOLD",
+                self.tr("A pick agrees up to this residual (m)"),
+                DOUBLE,
+                0.50,
+                minValue=0.0,
             )
         )
         self.addParameter(
             QgsProcessingParameterEnum(
                 "METHOD",
-                self.tr("How picks that agree are found (all: no consensus)"),
+                self.tr("Consensus (all: every control pick is fitted, none is rejected)"),
                 METHODS,
                 defaultValue="ransac",
                 usesStaticStrings=True,
@@ -86,10 +96,18 @@ class Align(TrigpointAlgorithm):
                     name, self.tr(title), kind, optional=True, createByDefault=True
                 )
             )
-        for name in ("SCALE", "RMSE", "LOOCV", "INLIERS"):
-            self.addOutput(QgsProcessingOutputNumber(name, name.title()))
-        for name in ("GEOMETRY", "SUSPECTED"):
-            self.addOutput(QgsProcessingOutputString(name, name.title()))
+        for name, title in (
+            ("SCALE", "Scale"),
+            ("RMSE", "RMSE of the picks that are fitted (m)"),
+            ("LOOCV", "Leave-one-out RMSE (m)"),
+            ("INLIERS", "Picks that are fitted"),
+        ):
+            self.addOutput(QgsProcessingOutputNumber(name, self.tr(title)))
+        for name, title in (
+            ("GEOMETRY", "Whether the picks pin the similarity down"),
+            ("SUSPECTED", "Picks that do not fit the others"),
+        ):
+            self.addOutput(QgsProcessingOutputString(name, self.tr(title)))
 
     def work(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: Any

@@ -31,11 +31,17 @@ class Apply(TrigpointAlgorithm):
         """Declare what goes in and what comes out."""
         self.addParameter(
             QgsProcessingParameterFile(
-                "SIMILARITY", self.tr("Similarity"), fileFilter="JSON (*.json)"
+                "SIMILARITY", self.tr("Similarity that Align wrote"), fileFilter="JSON (*.json)"
             )
         )
-        self.addParameter(QgsProcessingParameterFile("INPUT", self.tr("Cloud")))
-        self.addParameter(QgsProcessingParameterBoolean("INVERSE", self.tr("Carry it back"), False))
+        self.addParameter(
+            QgsProcessingParameterFile("INPUT", self.tr("Cloud (LAS, LAZ, PLY, E57, PCD or XYZ)"))
+        )
+        self.addParameter(
+            QgsProcessingParameterBoolean(
+                "INVERSE", self.tr("Carry it back, from the frame into its own units"), False
+            )
+        )
         self.addParameter(
             QgsProcessingParameterCrs(
                 "CRS", self.tr("CRS of the frame, in place of the similarity's"), optional=True

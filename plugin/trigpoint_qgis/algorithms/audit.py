@@ -31,7 +31,9 @@ class Audit(TrigpointAlgorithm):
         "Runs everything a project.toml names and writes a bundle: results, tables, clouds, and "
         "the report as HTML and PDF. It runs beside QGIS, in the Python environment that holds "
         "trigpoint's packages.\n\n"
-        "Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED without any."
+        "Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED without.\n\n"
+        "The panel writes a project.toml of what is open in it, and `trigpoint new` of a folder of "
+        "clouds."
     )
 
     def canExecute(self) -> tuple[bool, str]:
@@ -42,7 +44,9 @@ class Audit(TrigpointAlgorithm):
     def initAlgorithm(self, _configuration: Any = None) -> None:
         """Declare what goes in and what comes out."""
         self.addParameter(
-            QgsProcessingParameterFile("PROJECT", self.tr("Project"), fileFilter="Project (*.toml)")
+            QgsProcessingParameterFile(
+                "PROJECT", self.tr("Project (project.toml)"), fileFilter="Project (*.toml)"
+            )
         )
         self.addParameter(
             QgsProcessingParameterFolderDestination("FOLDER", self.tr("Folder of the bundle"))
@@ -52,8 +56,12 @@ class Audit(TrigpointAlgorithm):
                 "MAP", self.tr("Draw picks, completeness and error as layers"), True
             )
         )
-        for name in ("BUNDLE", "ZIP", "REPORT"):
-            self.addOutput(QgsProcessingOutputFile(name, name.title()))
+        for name, title in (
+            ("BUNDLE", "Bundle"),
+            ("ZIP", "Bundle as a zip"),
+            ("REPORT", "Report (HTML)"),
+        ):
+            self.addOutput(QgsProcessingOutputFile(name, self.tr(title)))
         self.addOutput(QgsProcessingOutputFolder("MAP_FOLDER", self.tr("Folder of the layers")))
         self.addOutput(QgsProcessingOutputString("VERDICT", self.tr("Verdict")))
         self.addOutput(QgsProcessingOutputNumber("WARNINGS", self.tr("Warnings")))
@@ -87,7 +95,7 @@ class Audit(TrigpointAlgorithm):
             for each in drawn:
                 details = QgsProcessingContext.LayerDetails(each.title, context.project())
                 how = {"largest": each.largest, "vertical": each.vertical}
-                details.setPostProcessor(Styler(each.kind, how))
+                details.setPostProcessor(Styler(each.kind, how, self.pile))
                 if hasattr(details, "groupName"):  # QGIS 3.32 and later
                     details.groupName = each.of
                 context.addLayerToLoadOnCompletion(each.address, details)

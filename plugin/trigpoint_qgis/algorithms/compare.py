@@ -48,8 +48,12 @@ class Compare(TrigpointAlgorithm):
 
     def initAlgorithm(self, _configuration: Any = None) -> None:
         """Declare what goes in and what comes out."""
-        self.addParameter(QgsProcessingParameterFile("RECONSTRUCTION", self.tr("Reconstruction")))
-        self.addParameter(QgsProcessingParameterFile("REFERENCE", self.tr("Reference")))
+        self.addParameter(
+            QgsProcessingParameterFile(
+                "RECONSTRUCTION", self.tr("Reconstruction, in the frame of the reference")
+            )
+        )
+        self.addParameter(QgsProcessingParameterFile("REFERENCE", self.tr("Reference (LiDAR)")))
         self.addParameter(
             QgsProcessingParameterCrs(
                 "CRS", self.tr("CRS of both, in place of what the files say"), optional=True
@@ -63,8 +67,8 @@ class Compare(TrigpointAlgorithm):
                 QgsProcessingParameterNumber(name, self.tr(title), DOUBLE, default, minValue=0.0)
             )
         for name, title, default in (
-            ("WITHIN", "Thresholds (m), the last one is mapped", "0.05, 0.10, 0.20"),
-            ("ZONES", "Cuts of the reference's height range", "0.33, 0.66"),
+            ("WITHIN", "Completeness thresholds (m); the last one is mapped", "0.05, 0.10, 0.20"),
+            ("ZONES", "Cuts of the height zones (shares of the reference's height)", "0.33, 0.66"),
         ):
             self.addParameter(QgsProcessingParameterString(name, self.tr(title), default))
         self.addParameter(
@@ -78,7 +82,9 @@ class Compare(TrigpointAlgorithm):
             )
         )
         self.addParameter(
-            QgsProcessingParameterBoolean("ICP", self.tr("Refine the pose by rigid ICP"), False)
+            QgsProcessingParameterBoolean(
+                "ICP", self.tr("Refine the pose by rigid ICP first"), False
+            )
         )
         self.addParameter(
             QgsProcessingParameterFileDestination("RESULTS", self.tr("Results"), "JSON (*.json)")
@@ -98,8 +104,15 @@ class Compare(TrigpointAlgorithm):
                 createByDefault=True,
             )
         )
-        for name in ("ACCURACY_RMSE", "COMPLETENESS_RMSE", "COMPLETENESS_PCT"):
-            self.addOutput(QgsProcessingOutputNumber(name, name.replace("_", " ").title()))
+        for name, title in (
+            ("ACCURACY_RMSE", "Accuracy: RMSE from the reconstruction to the reference (m)"),
+            (
+                "COMPLETENESS_RMSE",
+                "Completeness: RMSE from the reference to the reconstruction (m)",
+            ),
+            ("COMPLETENESS_PCT", "Share of the reference within the last threshold (%)"),
+        ):
+            self.addOutput(QgsProcessingOutputNumber(name, self.tr(title)))
 
     def work(
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: Any

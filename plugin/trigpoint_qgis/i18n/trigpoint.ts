@@ -4,7 +4,15 @@
  <context>
   <name>Trigpoint</name>
   <message>
+   <source>A pick agrees up to this residual (m)</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>A virtual environment or a folder of Python packages. Empty: the one that the panel installs in your profile. It comes after QGIS's own packages, never before.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Accuracy: RMSE from the reconstruction to the reference (m)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -17,6 +25,14 @@
   </message>
   <message>
    <source>Audit: run a project and write its report</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Bundle</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Bundle as a zip</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -46,7 +62,7 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Carry it back</source>
+   <source>Carry it back, from the frame into its own units</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -58,7 +74,7 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Cloud</source>
+   <source>Cloud (LAS, LAZ, PLY, E57, PCD or XYZ)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -74,6 +90,18 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>Completeness thresholds (m); the last one is mapped</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Completeness: RMSE from the reference to the reconstruction (m)</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Consensus (all: every control pick is fitted, none is rejected)</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>Copied. When they have run, close this panel and open it again.</source>
    <translation type="unfinished"/>
   </message>
@@ -82,11 +110,7 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Cuts of the reference's height range</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
-   <source>Details</source>
+   <source>Cuts of the height zones (shares of the reference's height)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -102,7 +126,13 @@ The end of the output's name says its format: .laz, .las, .ply, .xyz, .csv or .t
 
 Picks: a CSV with the columns id, source_x, source_y, source_z, target_x, target_y, target_z, and optionally role (control, check or off), sigma_source and sigma_target.
 
-Picks and residual vectors become layers; the vectors are drawn longer than they are.</source>
+Consensus: ransac draws sets of three picks, exhaustive tries every set; picks that do not agree with the best one are rejected. With all, none is. Check picks are never fitted.
+
+CRS: of the target's coordinates, a projected one. Without it the layers have none.
+
+A residual vector runs from where the fit puts a pick to where it was picked, drawn longer than it is; d_m in its table is its true length.
+
+The similarity (JSON) is what Apply needs.</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -130,15 +160,7 @@ Picks and residual vectors become layers; the vectors are drawn longer than they
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>How picks that agree are found (all: no consensus)</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
    <source>Images (slower, works everywhere)</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
-   <source>Inlier threshold (m)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -147,6 +169,10 @@ Picks and residual vectors become layers; the vectors are drawn longer than they
   </message>
   <message>
    <source>Install…</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Leave-one-out RMSE (m)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -180,11 +206,19 @@ Maps: completeness is the share of the reference's voxels in a cell that the rec
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>Picks that are fitted</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Picks that do not fit the others</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>Points</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Project</source>
+   <source>Project (project.toml)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -192,23 +226,31 @@ Maps: completeness is the share of the reference's voxels in a cell that the rec
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>RMSE of the picks that are fitted (m)</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>Ready.</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Reconstruction</source>
+   <source>Reconstruction, in the frame of the reference</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Reference</source>
+   <source>Reference (LiDAR)</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Refine the pose by rigid ICP</source>
+   <source>Refine the pose by rigid ICP first</source>
    <translation type="unfinished"/>
   </message>
   <message>
    <source>Removes what was made so far.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Report (HTML)</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -226,7 +268,13 @@ Maps: completeness is the share of the reference's voxels in a cell that the rec
   <message>
    <source>Runs everything a project.toml names and writes a bundle: results, tables, clouds, and the report as HTML and PDF. It runs beside QGIS, in the Python environment that holds trigpoint's packages.
 
-Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED without any.</source>
+Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED without.
+
+The panel writes a project.toml of what is open in it, and `trigpoint new` of a folder of clouds.</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Scale</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -238,15 +286,19 @@ Verdict: PASS, CONDITIONAL or FAIL by the project's own limits, NOT TESTED witho
    <translation type="unfinished"/>
   </message>
   <message>
+   <source>Share of the reference within the last threshold (%)</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
    <source>Similarity</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Some Python packages are missing</source>
+   <source>Similarity that Align wrote</source>
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Takes an environment, or a folder of packages, that is there.</source>
+   <source>Some Python packages are missing</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -262,15 +314,15 @@ With what reports need they take {size}. They go into a folder of their own and 
    <translation type="unfinished"/>
   </message>
   <message>
-   <source>Thresholds (m), the last one is mapped</source>
-   <translation type="unfinished"/>
-  </message>
-  <message>
    <source>Trigpoint help</source>
    <translation type="unfinished"/>
   </message>
   <message>
    <source>Trigpoint panel</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Uses an environment, or a folder of packages, that you have already.</source>
    <translation type="unfinished"/>
   </message>
   <message>
@@ -287,6 +339,10 @@ With what reports need they take {size}. They go into a folder of their own and 
   </message>
   <message>
    <source>Weight by the picks' sigmas</source>
+   <translation type="unfinished"/>
+  </message>
+  <message>
+   <source>Whether the picks pin the similarity down</source>
    <translation type="unfinished"/>
   </message>
  </context>
