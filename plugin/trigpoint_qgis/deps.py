@@ -135,9 +135,10 @@ def explain(lacks: Iterable[Lack]) -> str:
     said = listed(lacks).replace("\n", " ")
     if not said:
         return ""
+    # What to do comes first: a dialog's bar shows a line and a half.
     return (
-        f"Trigpoint needs Python packages that QGIS does not bring. {said} Open "
-        "Plugins > Trigpoint > Trigpoint panel to install them beside QGIS."
+        "Open Plugins > Trigpoint > Trigpoint panel to install Python packages that QGIS does not "
+        f"bring. {said}"
     )
 
 

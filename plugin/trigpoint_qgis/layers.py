@@ -174,8 +174,6 @@ def write_raster(
         file.SetProjection(crs)
     band = file.GetRasterBand(1)
     band.SetNoDataValue(float("nan"))
-    # Else the legend calls them grey.
-    band.SetColorInterpretation(gdal.GCI_Undefined)
     band.SetDescription(about)
     band.WriteArray(values.astype(np.float32))
     band.FlushCache()

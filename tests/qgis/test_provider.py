@@ -14,6 +14,7 @@ pytest.importorskip("pytest_qgis", reason="pytest-qgis is not installed")
 from qgis.core import (
     Qgis,
     QgsApplication,
+    QgsProcessingContext,
     QgsProcessingException,
     QgsProject,
     QgsRasterLayer,
@@ -97,6 +98,32 @@ def test_align_tells_what_it_refuses_in_its_own_sentence(run, tmp_path):
     with pytest.raises(QgsProcessingException, match=r"(?i)at least 3|three"):
         run("trigpoint:align", {"PICKS": str(picks), "SIMILARITY": str(tmp_path / "s.json")})
     assert not (tmp_path / "s.json").exists()
+
+
+def test_a_place_that_can_t_be_written_is_named_with_the_reason(run, small_project, tmp_path):
+    project, _ = small_project()
+    place = tmp_path / "none" / "s.json"
+    with pytest.raises(QgsProcessingException, match=r"s\.json can't be read or written: No such"):
+        run(
+            "trigpoint:align",
+            {"PICKS": str(project.with_name("picks.csv")), "SIMILARITY": str(place)},
+        )
+
+
+def test_a_length_that_is_told_has_its_unit(provider):
+    told = {
+        output.name(): output.description()
+        for algorithm in provider.algorithms()
+        for output in algorithm.outputDefinitions()
+    }
+    for name in ("RMSE", "LOOCV", "ACCURACY_RMSE", "COMPLETENESS_RMSE"):
+        assert told[name].endswith("(m)")
+
+
+def test_residual_vectors_can_t_be_drawn_without_a_length(provider):
+    factor = provider.algorithm("align").parameterDefinition("EXAGGERATION")
+    assert not factor.checkValueIsAcceptable(0)
+    assert factor.checkValueIsAcceptable(0.5)
 
 
 def test_apply_carries_every_point_there_and_back(run, small_project, tmp_path):
@@ -199,7 +226,6 @@ def test_the_legend_of_a_raster_has_units_and_says_that_the_largest_are_cut(tmp_
     values = np.arange(16, dtype=float).reshape(grid.shape)
     layers.write_raster(tmp_path / "a.tif", values, grid, "", np.ones(3), "error (RMSE, m)")
     raster = QgsRasterLayer(str(tmp_path / "a.tif"), "a")
-    assert raster.bandName(1) == "Band 1: error (RMSE, m)"
     for kind, ends in (("error", ("0 m", "≥ 0.5 m")), ("completeness", ("0 %", "100 %"))):
         layers.style(raster, kind, largest=0.5)
         legend = raster.renderer().shader().rasterShaderFunction().legendSettings()
@@ -223,6 +249,19 @@ def test_what_comes_to_the_map_lies_where_it_is_seen_whatever_was_there():
         names = [node.name() for node in root.findLayers()]
         assert names == ["mine too", *reversed(layers.PILE), "mine"]
     assert len(project.mapLayers()) == len(made)
+
+
+def test_a_layer_that_is_not_to_be_seen_is_switched_off():
+    from trigpoint_qgis.algorithms.base import Styler
+
+    project, context = QgsProject(), QgsProcessingContext()
+    context.setProject(project)
+    made = [QgsVectorLayer("Polygon?crs=EPSG:32615", name, "memory") for name in "ab"]
+    project.addMapLayers(made)
+    Styler("footprint", {}, []).postProcessLayer(made[0], context, None)
+    Styler("footprint", {}, [], seen=False).postProcessLayer(made[1], context, None)
+    root = project.layerTreeRoot()
+    assert [root.findLayer(layer.id()).isVisible() for layer in made] == [True, False]
 
 
 def test_an_audit_without_the_report_s_packages_is_refused_before_it_runs(provider, monkeypatch):

@@ -81,7 +81,13 @@ class Align(TrigpointAlgorithm):
         self.addParameter(
             QgsProcessingParameterBoolean("WEIGHTED", self.tr("Weight by the picks' sigmas"), False)
         )
-        self.number("EXAGGERATION", "Residual vectors are drawn so many times longer", DOUBLE, 20.0)
+        self.number(
+            "EXAGGERATION",
+            "Residual vectors are drawn so many times longer",
+            DOUBLE,
+            20.0,
+            minValue=0.01,
+        )
         self.addParameter(
             QgsProcessingParameterFileDestination(
                 "SIMILARITY", self.tr("Similarity"), "JSON (*.json)"

@@ -95,7 +95,9 @@ class Audit(TrigpointAlgorithm):
             for each in drawn:
                 details = QgsProcessingContext.LayerDetails(each.title, context.project())
                 how = {"largest": each.largest, "vertical": each.vertical}
-                details.setPostProcessor(Styler(each.kind, how, self.pile))
+                # As the panel shows them: of the first reconstruction, and one raster.
+                seen = each.of == drawn[0].of and each.kind != "completeness"
+                details.setPostProcessor(Styler(each.kind, how, self.pile, seen=seen))
                 if hasattr(details, "groupName"):  # QGIS 3.32 and later
                     details.groupName = each.of
                 context.addLayerToLoadOnCompletion(each.address, details)

@@ -127,11 +127,20 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
         For `layers.style`.
     pile : list of tuple
         The kinds and ids of the same run's layers; this one joins them.
+    seen : bool
+        Whether it is switched on: of a pile of rasters only the uppermost would be seen.
     """
 
-    def __init__(self, kind: str, more: dict[str, Any], pile: list[tuple[str, str]]) -> None:
+    def __init__(
+        self,
+        kind: str,
+        more: dict[str, Any],
+        pile: list[tuple[str, str]],
+        *,
+        seen: bool = True,
+    ) -> None:
         super().__init__()
-        self.kind, self.more, self.pile = kind, more, pile
+        self.kind, self.more, self.pile, self.seen = kind, more, pile, seen
         _waiting.append(self)
 
     def postProcessLayer(self, layer: Any, context: Any, _feedback: Any) -> None:
@@ -139,8 +148,14 @@ class Styler(QgsProcessingLayerPostProcessorInterface):
         _waiting.remove(self)
         layers.style(layer, self.kind, **self.more)
         self.pile.append((self.kind, layer.id()))
-        if context.project() is not None:
-            arrange(context.project().layerTreeRoot(), self.pile)
+        if context.project() is None:
+            return
+        root = context.project().layerTreeRoot()
+        node = root.findLayer(layer.id())
+        if node is not None and not self.seen:
+            node.setItemVisibilityChecked(False)
+            node.setExpanded(False)
+        arrange(root, self.pile)
 
 
 # Nobody else holds them: Processing runs a copy of an algorithm, and styles what it made after the
@@ -178,8 +193,8 @@ def told() -> Iterator[None]:
     except (TrigpointError, ValueError) as error:
         raise QgsProcessingException(_advised(str(error))) from error
     except OSError as error:
-        where = f": {error.filename}" if error.filename else ""
-        message = f"{error.strerror or error}{where}"
+        why = error.strerror or str(error)
+        message = f"{error.filename} can't be read or written: {why}." if error.filename else why
         raise QgsProcessingException(message) from error
 
 
