@@ -72,7 +72,7 @@ def place(
     for k in sorted(range(len(wishes)), key=lambda k: wishes[k].rank):
         boxes = boxes_of(wishes[k])
         inside = np.all((boxes[:, :2] >= GAP) & (boxes[:, 2:] <= np.subtract(area, GAP)), axis=1)
-        left, top, right, bottom = (boxes + [-GAP, -GAP, GAP, GAP]).T[:, :, None]
+        left, top, right, bottom = np.add(boxes, [-GAP, -GAP, GAP, GAP]).T[:, :, None]
         beside = (right <= full[0]) | (full[2] <= left)
         free = np.flatnonzero(
             inside & np.all(beside | (bottom <= full[1]) | (full[3] <= top), axis=1)
