@@ -144,6 +144,16 @@ def test_a_picture_that_says_nothing_to_the_blind_is_refused():
         to_html(Picture("p", "caption", " ", b"<svg/>", "svg"))
 
 
+def test_a_small_picture_stands_beside_the_plain_text_before_it_and_is_no_figure():
+    picture = Picture("p", "caption", "finding", b"<svg/>", "svg", small=True)
+    blocks = [Passage(["PASS"], "pass"), Passage(["One."]), Passage(["Two."]), picture]
+    html = show(*blocks, Passage(["After."])).html
+    verdict, _, rest = html.partition('<div class="beside">')
+    text, _, after = rest.partition("</figure></div>")
+    assert ["PASS" in verdict, "One." in text, "Two." in text, "After." in after] == [True] * 4
+    assert 'class="picture"' not in html
+
+
 def test_a_picture_is_embedded_as_it_is():
     content = b'<svg viewBox="0 0 1 1"><clipPath/></svg>'
     (found,) = Tags(to_html(Picture("p", "caption", "finding", content, "svg"))).of("img")

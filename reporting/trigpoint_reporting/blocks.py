@@ -48,13 +48,17 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture: `alt` states the finding, `caption` says what is shown."""
+    """A picture: `alt` states the finding, `caption` says what is shown.
+
+    One that is `small` is no numbered figure: it stands beside the plain passages before it.
+    """
 
     name: str
     caption: str
     alt: str
     content: bytes
     kind: Literal["svg", "png"]
+    small: bool = False
 
 
 Block = Passage | Table | Picture

@@ -16,7 +16,17 @@ from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import number_text
 from trigpoint_reporting.photo import fewer_colours, photo_colours
-from trigpoint_reporting.sheet import Colours, Legend, Panel, Plan, draw, lay_out
+from trigpoint_reporting.sheet import (
+    PER_MM,
+    SCALES,
+    Colours,
+    Legend,
+    Panel,
+    Plan,
+    draw,
+    lay_out,
+    to_png,
+)
 from trigpoint_reporting.splat import Side, Splat, extent, grown, splat
 from trigpoint_reporting.style import (
     VERMILLION,
@@ -42,6 +52,8 @@ POINT = 1.5
 SHADOW = 3
 # Height in pixels of a sheet that shares its page with another, or with two.
 HALF, THIRD = 1150, 800
+# Room of the picture on the first page, in millimetres: width, height.
+SMALL_MM = (36.0, 34.0)
 
 
 def limit_of(evidence: Evidence) -> float:
@@ -117,7 +129,7 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
     panels = [site.panel(side, f"From the {side}") for side in FOUR]
     plan = lay_out(panels)
     colours = distance_colours(_distances(cloud), limit=site.limit)
-    pictures = [site.picture(cloud, side, plan, colours) for side in FOUR]
+    pictures = [site.picture(cloud, side, plan.pixel, colours) for side in FOUR]
     beyond = _beyond(cloud, site.limit)
     legend = _distance_legend(site.limit, f": {percent(beyond)}")
     content = draw(panels, plan, pictures, legend, zones=site.zones)
@@ -132,6 +144,22 @@ def distance_elevations(evidence: Evidence, name: str) -> Picture | Passage:
         f"reference. {_how(len(cloud), plan, site)}"
     )
     return Picture(f"elevations-distance-{name}", caption, alt, content, "png")
+
+
+def thumbnail(evidence: Evidence, name: str) -> Picture | None:
+    """Draw a reconstruction from the south as `distance_elevations` does, but small."""
+    cloud = evidence.cloud(name, "accuracy")
+    if cloud is None:
+        return None
+    site = _site(evidence, name)
+    left, bottom, right, top = extent(site.corners, "south")
+    needed = 1000 * max((right - left) / SMALL_MM[0], (top - bottom) / SMALL_MM[1])
+    scale = float(SCALES[needed <= SCALES][0])
+    colours = distance_colours(_distances(cloud), limit=site.limit)
+    content = to_png(site.picture(cloud, "south", scale / 1000 / PER_MM, colours))
+    near = f"{_within(_accuracy(evidence, name), site.mark)} within {metres(site.mark, None)}"
+    caption = f"{name} from the south, 1:{scale:g}, as in section Elevations"
+    return Picture("thumbnail", caption, f"{caption}: {near}.", content, "png", small=True)
 
 
 def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
@@ -149,7 +177,7 @@ def missing_elevations(evidence: Evidence, name: str) -> Picture | Passage:
         for side in sides
     ]
     plan = lay_out(panels, tallest=HALF)
-    pictures = [site.picture(reference, side, plan, colours) for side in sides]
+    pictures = [site.picture(reference, side, plan.pixel, colours) for side in sides]
     mark, limit = metres(site.mark, None), metres(site.limit, None)
     covered = 100 * float((distances <= site.mark).mean())
     missing = 100 * float(far.mean())
@@ -230,7 +258,7 @@ def readme_picture(evidence: Evidence) -> Picture | Passage:
     panels = [site.panel(side, title, note) for title, note in zip(titles, notes, strict=True)]
     plan = lay_out(panels, tallest=THIRD)
     pictures = [
-        site.picture(cloud, side, plan, distance_colours(_distances(cloud), limit=site.limit))
+        site.picture(cloud, side, plan.pixel, distance_colours(_distances(cloud), limit=site.limit))
         for cloud in drawn.values()
     ]
     seen = site.seen(reference, side, panels[-1].window, plan.pixel)
@@ -279,10 +307,10 @@ class _Site:
         size = POINT * self.voxel if size is None else size
         return splat(points, side, window=window, pixel=pixel, size=size)
 
-    def picture(self, cloud: PointCloud, side: Side, plan: Plan, colours: Colours) -> Colours:
+    def picture(self, cloud: PointCloud, side: Side, pixel: float, colours: Colours) -> Colours:
         """Colour what is seen of a cloud; white where nothing is."""
         window = extent(self.corners, side) + _height(self, side)
-        index = self.seen(cloud, side, window, plan.pixel).index
+        index = self.seen(cloud, side, window, pixel).index
         return np.where((index >= 0)[..., None], colours[index], np.uint8(255))
 
 

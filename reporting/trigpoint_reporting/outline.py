@@ -22,7 +22,7 @@ from trigpoint_reporting.content.scope import purpose
 from trigpoint_reporting.content.sources import inputs
 from trigpoint_reporting.content.transform import transformation
 from trigpoint_reporting.content.validity import validation
-from trigpoint_reporting.content.views import elevations
+from trigpoint_reporting.content.views import elevations, views
 from trigpoint_reporting.content.worth import reliability
 from trigpoint_reporting.perspective import perspective_views
 from trigpoint_reporting.residual_figure import residual_vectors
@@ -92,18 +92,17 @@ SECTIONS = (
     Section("paired", "Reconstructions compared", paired),
     Section(
         "elevations",
-        "Elevations and views",
+        "Elevations",
         elevations,
         False,
         (
             drawn.readme_picture,
-            perspective_views,
-            viewer_html,
             drawn.distance_elevations,
             drawn.missing_elevations,
             drawn.colour_elevations,
         ),
     ),
+    Section("views", "Views in perspective", views, False, (perspective_views, viewer_html)),
     Section("method", "Method, settings and effects", method),
     Section("limitations", "Limitations and warnings", limitations),
     Section("provenance", "Provenance and reproduction", provenance),

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from trigpoint_reporting.blocks import Block, Cell, Entry, Passage, Picture, Table, Value
 
@@ -69,6 +69,9 @@ def show(*blocks: Block) -> Shown:
     first = side_by_side(blocks)
     halves = first | {position + 1 for position in first}
     html = [to_html(block, half=position in halves) for position, block in enumerate(blocks)]
+    for start, position in _around_pictures(blocks):
+        html[start] = f'<div class="beside"><div>{html[start]}'
+        html[position] = f"</div>{html[position]}</div>"
     return Shown("\n".join(html), "\n\n".join(map(to_text, blocks)))
 
 
@@ -96,6 +99,20 @@ def side_by_side(blocks: Sequence[Block]) -> set[int]:
         ):
             found.add(position)
     return found
+
+
+def _around_pictures(blocks: Sequence[Block]) -> list[tuple[int, int]]:
+    """Return where the text beside each small picture begins, and where the picture stands."""
+    found = []
+    for position, block in enumerate(blocks):
+        if isinstance(block, Picture) and block.small:
+            before = takewhile(_is_plain, reversed(blocks[:position]))
+            found.append((position - sum(1 for _ in before), position))
+    return found
+
+
+def _is_plain(block: Block) -> bool:
+    return isinstance(block, Passage) and block.tone == "plain"
 
 
 def to_html(block: Block, *, half: bool = False) -> str:
@@ -172,7 +189,8 @@ def _picture(picture: Picture) -> str:
     encoded = base64.b64encode(picture.content).decode("ascii")
     # As an image and not inline: scripts in an SVG don't run, and its ids meet no others.
     return (
-        f'<figure class="picture"><div class="scroll" tabindex="0" role="group" '
+        f'<figure class="{"small" if picture.small else "picture"}">'
+        f'<div class="scroll" tabindex="0" role="group" '
         f'aria-label="{_escaped(picture.caption)}"><img alt="{_escaped(picture.alt)}" '
         f'data-file="{_escaped(picture.name)}.{picture.kind}"{style} '
         f'src="data:{TYPES[picture.kind]};base64,{encoded}"></div>'

@@ -43,7 +43,7 @@ VIEWS = (("Plan", 0, 1), ("From the south", 0, 2), ("From the east", 1, 2))
 AXES = ("easting", "northing", "height")
 MARKS = {"used": ("o", BLUE), "rejected": ("X", VERMILLION), "check": ("^", GREEN)}
 # Room in millimetres around the panels, and for the tallest of them.
-BESIDE, BELOW, ABOVE, TALLEST = 15.0, 18.0, 6.0, 75.0
+BESIDE, BELOW, ABOVE, TALLEST = 15.0, 18.0, 6.0, 68.0
 
 
 def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:

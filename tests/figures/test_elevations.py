@@ -1,4 +1,5 @@
 import io
+import re
 import shutil
 
 import numpy as np
@@ -10,12 +11,14 @@ from trigpoint.cloud import cloud_from
 from trigpoint.files import read, write
 from trigpoint_reporting.blocks import Passage, Picture
 from trigpoint_reporting.elevations import (
+    AROUND_M,
     BEYOND,
     COVERED,
     LIMIT_M,
     MISSING,
     NEAR_MISS,
     NOTHING,
+    SMALL_MM,
     band_edges,
     bands,
     colour_elevations,
@@ -26,6 +29,7 @@ from trigpoint_reporting.elevations import (
     limit_of,
     missing_elevations,
     readme_picture,
+    thumbnail,
 )
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.sheet import PER_MM
@@ -119,6 +123,20 @@ def test_the_share_out_of_range_is_that_of_the_points(evidence):
     distances = evidence.distances("nerf")["delivered_accuracy_m"]
     share = 100 * (distances > LIMIT_M).mean()
     assert f"{share:.1f} % beyond 0.5 m" in distance_elevations(evidence, "nerf").alt
+
+
+def test_the_first_pages_picture_is_small_to_scale_and_in_the_same_colours(evidence):
+    picture = thumbnail(evidence, "nerf")
+    assert picture.small
+    scale = float(re.search(r"1:(\d+)", picture.caption)[1])
+    sheet = opened(picture)
+    reference = read(evidence.folder / "clouds" / "nerf-completeness.laz").coordinates
+    shown = np.ptp(reference, axis=0)[[0, 2]] + 2 * AROUND_M
+    drawn = np.array(sheet.shape[1::-1]) / PER_MM  # on paper, in millimetres
+    np.testing.assert_allclose(drawn * scale / 1000, shown, atol=2 * scale / 1000 / PER_MM)
+    assert (drawn <= SMALL_MM).all()
+    assert colours_of(sheet) <= {tuple(colour) for colour in colour_table().tolist()}
+    assert "within 0.1 m" in picture.alt
 
 
 def with_cloud(evidence, folder, name, cloud):

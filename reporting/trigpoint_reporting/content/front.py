@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from trigpoint_reporting import standards, wording
 from trigpoint_reporting.blocks import Block, Cell, Passage, Table, Value
+from trigpoint_reporting.elevations import thumbnail
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, declared_digits, number_text
 
@@ -20,6 +21,8 @@ def result(evidence: Evidence) -> list[Block]:
     """Return what must stand alone if the first page is torn off."""
     blocks: list[Block] = [wording.verdict(evidence)]
     blocks += [wording.result(evidence, name) for name in evidence.names]
+    picture = thumbnail(evidence, evidence.names[0])
+    blocks += [picture] if picture else []
     # The first two stand side by side where there is room.
     blocks += [_title_block(evidence), *_plot_scales(evidence), _criteria(evidence)]
     for name in evidence.names:

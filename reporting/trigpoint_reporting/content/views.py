@@ -15,7 +15,12 @@ def elevations(evidence: Evidence) -> list[Block]:
                 "Elevations are orthographic and to scale: lengths may be measured on them at the "
                 "stated scale. Colours of distance have the same limits in every picture, and "
                 "what lies beyond them has a colour of its own and is counted in the legend. "
-                f"Distances are to {reference}. Perspective views are for orientation only.",
+                f"Distances are to {reference}.",
             )
         )
     ]
+
+
+def views(_: Evidence) -> list[Block]:
+    """Return what pictures in perspective are for."""
+    return [Passage(("For orientation: nothing can be measured in perspective.",))]
