@@ -91,9 +91,9 @@ def write_report(
     PdfError
         If the PDF would not be sound.
     """
+    say("executing the notebook")
     evidence = open_evidence(folder)
     notebook = build_notebook(evidence, sha256(folder / RESULTS), sections)
-    say("executing the notebook")
     execute(notebook, folder)
     text = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
     write_text(folder / NOTEBOOK, f"{text}\n")

@@ -79,7 +79,7 @@ def _criteria(evidence: Evidence) -> Table:
         note = "The project states no limit: what is found is reported, and nothing is judged."
     return Table(
         "Criteria and findings",
-        ("Criterion", "Of", "Source", "Limit", "Found", "Margin", "Finding"),
+        ("Criterion", "Of", "Finding", "Found", "Limit", "Margin", "Source"),
         [*limits, *rest],
         (note,),
     )
@@ -91,11 +91,11 @@ def _judged(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
         yield (
             wording.quantity_label(row["quantity"]),
             row["of"],
-            row["source"] or NOT_STATED,
-            _limit(row),
-            found,
-            _margin(row, declared_digits(found.path)),
             "✓ met" if row["met"] else "✗ not met",
+            found,
+            _limit(row),
+            _margin(row, declared_digits(found.path)),
+            row["source"] or NOT_STATED,
         )
 
 
@@ -124,7 +124,7 @@ def _reported(evidence: Evidence) -> Iterator[tuple[Cell, ...]]:
             if (name, _plain(quantity)) not in limited:
                 shown = _found(name, quantity, value)
                 label = wording.quantity_label(quantity)
-                yield (label, name, NONE, NONE, shown, NONE, "no limit set")
+                yield (label, name, "no limit set", shown, NONE, NONE, NONE)
 
 
 def _stored(found: Numbers, quantity: str) -> float | None:
