@@ -44,10 +44,6 @@ class Canvas(QtWidgets.QWidget):
         """Whether pictures can be drawn; asked a moment after the canvas was shown."""
         raise NotImplementedError
 
-    def picture(self) -> QtGui.QImage:
-        """Return what is shown."""
-        raise NotImplementedError
-
     def release(self) -> None:
         """Free what VTK holds; the canvas can't be used after."""
         raise NotImplementedError
@@ -80,11 +76,6 @@ class GlCanvas(Canvas):
     def works(self) -> bool:
         """Whether the widget has an OpenGL context."""
         return bool(self.plotter.isValid())
-
-    def picture(self) -> QtGui.QImage:
-        """Return what is shown."""
-        image: QtGui.QImage = self.plotter.grabFramebuffer()
-        return image
 
     def resizeEvent(self, event: QtGui.QResizeEvent) -> None:
         """Tell VTK the size at once: it would learn it only with the first picture."""
@@ -131,12 +122,6 @@ class ImageCanvas(Canvas):
         """Always: what can't be rendered off the screen can't be rendered."""
         return True
 
-    def picture(self) -> QtGui.QImage:
-        """Return what is shown."""
-        if self._stale:
-            self._render()
-        return self._image.copy()
-
     def release(self) -> None:
         """Free what VTK holds; the canvas can't be used after."""
         self._stale = False
@@ -163,8 +148,6 @@ class ImageCanvas(Canvas):
             window.SetSize(
                 max(1, round(self.width() * ratio)), max(1, round(self.height() * ratio))
             )
-            # Letters are sized in points.
-            window.SetDPI(round(72 * ratio))
 
     def _render(self) -> None:
         self._stale = False

@@ -24,6 +24,7 @@ from trigpoint_panel.picking import pick, position_of
 from trigpoint_panel.scene import Scene
 from trigpoint_panel.snapping import Mode, SnapError
 from trigpoint_panel.stage import Stage
+from trigpoint_panel.steering import dragged, flown, lookouts, wheeled
 from trigpoint_reporting.elevations import LIMIT_M
 
 Side = Literal["source", "target"]
@@ -33,15 +34,8 @@ TITLES: dict[Side, str] = {"source": "Source", "target": "Reference"}
 REACH = 5.0
 # Milliseconds that the view rests before all points are drawn again.
 REST = 200
-# Degrees for a drag across the height of the view, and zoom for a step of the wheel.
-TURN, WHEEL = 180.0, 1.15
 # Pixels of the frame that tells which view has the keys.
 FRAME = 2
-# Height of what is seen where the view has flown to, as a share of what it is where all is seen.
-NEAR = 0.2
-# The same where one is to recognise the place; and the turns from which it may be free to be seen.
-AROUND = 0.7
-TURNS = tuple((side, up) for up in (0, 30) for side in (0, 45, -45, 90, -90, 135, -135, 180))
 
 
 class CloudView(QtWidgets.QWidget):
@@ -293,17 +287,15 @@ class CloudView(QtWidgets.QWidget):
 
     def fly_to(self, xyz: Position) -> None:
         """Bring a place to the middle of the view, near enough to pick there."""
-        height = min(self.camera.height, NEAR * self.scene.extent)
-        self.scene.camera = self.camera.looking_at(np.asarray(xyz, np.float64), height)
+        self.scene.camera = flown(self.camera, xyz, self.scene.extent)
         self._user_moved()
 
     def show_place(self, xyz: Position) -> None:
         """Bring a place to the middle with what is around it, from where nothing hides it."""
-        there = np.asarray(xyz, np.float64)
-        straight = self.camera.looking_at(there, AROUND * self.scene.extent)
-        for sideways, upward in TURNS:
-            self.scene.camera = straight.orbited(sideways, upward)
-            if not self.scene.is_hidden(there[None])[0]:
+        straight, *others = lookouts(self.camera, xyz, self.scene.extent)
+        for camera in (straight, *others):
+            self.scene.camera = camera
+            if not self.scene.is_hidden(np.array([xyz], np.float64))[0]:
                 break
         else:
             self.scene.camera = straight
@@ -316,10 +308,6 @@ class CloudView(QtWidgets.QWidget):
             self._follow_mouse()
         else:
             self._magnifier.hide()
-
-    def screenshot(self) -> QtGui.QImage:
-        """Return what the canvas shows."""
-        return self.canvas.picture() if self.canvas is not None else QtGui.QImage()
 
     def refresh(self) -> None:
         """Draw a new picture, once for all that changes before Qt paints next."""
@@ -420,21 +408,16 @@ class CloudView(QtWidgets.QWidget):
 
     def _drag(self, drag: Drag, pixels: QtCore.QPointF) -> None:
         step = pixels / max(1, self._stage.height())
+        self.scene.camera = dragged(self.camera, drag, step.x(), step.y())
         if drag == "roll":
-            self.scene.camera = self.camera.rolled(TURN / 2 * step.x())
             self.scene.take_up()
-        elif drag == "turn":
-            self.scene.camera = self.camera.orbited(-TURN * step.x(), TURN * step.y())
-        else:
-            self.scene.camera = self.camera.panned(-step.x(), step.y())
         self._user_moved()
 
     def _zoom(self, at: QtCore.QPointF, steps: float) -> None:
         height = max(1, self._stage.height())
         right = (at.x() - self._stage.width() / 2) / height
         upward = (height / 2 - at.y()) / height
-        about = np.asarray(self.camera.panned(right, upward).focal_point)
-        self.scene.camera = self.camera.zoomed(WHEEL**steps, about)
+        self.scene.camera = wheeled(self.camera, steps, right, upward)
         self._user_moved()
 
     def _user_moved(self) -> None:
