@@ -231,6 +231,24 @@ def test_compare_says_of_which_pose_its_numbers_are(run, small, option):
         assert (f"{direction} after ICP: " in out) == bool(option)
 
 
+def test_compare_refuses_a_cloud_that_is_nowhere_near(run, small):
+    clouds = small / "nerf.ply", small / "lidar.laz"
+    code, out, err = run("compare", *clouds)
+    assert (code, out) == (2, "")
+    said = " ".join(err.split())
+    assert "None of the 8,000 points of nerf.ply lies within 1.0 m of the reference's" in said
+    lidar = trigpoint.describe(clouds[1])
+    assert f"the reference {lidar.low[0]:,.1f} to {lidar.high[0]:,.1f} x " in said
+    code, out, _ = run("compare", *clouds, "--json")
+    assert (code, json.loads(out)["error"]["code"]) == (2, "region")
+    (small / "away.csv").write_text("x,y,z\n741020,4279000,160\n741021,4279000,160\n")
+    assert run("compare", small / "away.csv", small / "lidar.laz")[0] == 2
+    wide = ("--margin", 20, "--json")  # all are misses then, which is measured
+    code, out, _ = run("compare", small / "away.csv", small / "lidar.laz", *wide)
+    assert code == 0
+    assert json.loads(out)["completeness"]["all"]["within"][0]["pct"] == 0
+
+
 def test_compare_with_icp_says_what_it_moved(run, small):
     code, out, _ = run(
         "compare", small / "sfm.laz", small / "lidar.laz", "--icp", "--voxel", "0", "--json"

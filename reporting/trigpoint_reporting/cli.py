@@ -22,7 +22,7 @@ from trigpoint.errors import RegionError, SettingError, TrigpointError
 from trigpoint.files import carry
 from trigpoint.inspection import inspect
 from trigpoint.pipeline import try_icp
-from trigpoint.preparation import prepare, thin
+from trigpoint.preparation import Reference, prepare, thin
 from trigpoint.repeats import repicked
 from trigpoint.results import (
     alignment_results,
@@ -223,6 +223,8 @@ def compare(
         target = prepare(reference, crs=crs or None, voxel=voxel, zones=cuts, margin=padding)
         say(f"reading {reconstruction.name}")
         source = thin(reconstruction, target, crs=crs or None)
+        if not source.points_in_region:
+            raise RegionError(_apart(reconstruction, target, margin, crs))
         trial = None
         if icp:
             say("refining by ICP")
@@ -363,6 +365,20 @@ def _refuse_overwriting(written: Path | None, *read: Path) -> None:
         if written is not None and written.exists() and path.exists() and written.samefile(path):
             message = f"{written} is read: it would be overwritten. Name another file to write."
             raise SettingError(message)
+
+
+def _apart(reconstruction: Path, target: Reference, margin: str, crs: str) -> str:
+    """Say how a reconstruction misses its reference altogether: nothing can be measured."""
+    info = trigpoint.describe(reconstruction, crs=crs or None)
+    own, other = (
+        " x ".join(f"{low:,.1f} to {high:,.1f}" for low, high in zip(*each, strict=True))
+        for each in ((info.low, info.high), (target.low, target.high))
+    )
+    return (
+        f"None of the {info.points:,} points of {reconstruction.name} lies within {margin} m of "
+        f"the reference's extent: they span {own}, the reference {other}. Carry it into the "
+        "reference's frame first (align, apply), or take a larger --margin."
+    )
 
 
 def _number(text: str, option: str) -> float:
