@@ -1,13 +1,16 @@
 import copy
+import json
 
 import pytest
 
 from trigpoint.canonical import to_json
 from trigpoint_reporting.blocks import Passage, Table
-from trigpoint_reporting.content.changes import MOST, changes
+from trigpoint_reporting.content.changes import MOST, changes, replaced
+from trigpoint_reporting.content.front import result
 from trigpoint_reporting.content.provenance import provenance
 from trigpoint_reporting.render import to_html
-from trigpoint_reporting.revisions import compare_results
+from trigpoint_reporting.revisions import compare_results, leaves
+from trigpoint_reporting.verifier import verify
 
 
 @pytest.fixture
@@ -194,3 +197,72 @@ def test_the_versions_that_made_the_report_are_told_from_the_lock(make_evidence)
         ("weasyprint", "70.0"),
         ("source in git", "commit abc, without local changes"),
     ]
+
+
+@pytest.fixture
+def second(make_evidence):
+    """Return revision 2, and revision 1 as `change` makes it, told against each other."""
+
+    def make(change):
+        evidence = make_evidence("paper")
+        before = copy.deepcopy(evidence.results)
+        change(before)
+        evidence.results["project"]["revision"] = 2
+        stored = {"against": "tower-r1", "changes": compare_results(before, evidence.results)}
+        path = evidence.folder / "data" / "changes.json"
+        path.write_text(to_json(stored), "utf-8")
+        (evidence.folder / "report.html").write_text(
+            "".join(to_html(block) for block in result(evidence)), "utf-8"
+        )
+        return evidence, path
+
+    return make
+
+
+def first_page_rows(evidence):
+    (block,) = [each for each in result(evidence) if getattr(each, "caption", "") == "This report"]
+    return dict(block.rows)
+
+
+def test_the_first_page_names_what_it_replaces_and_the_verdict_of_that(second):
+    def fail(results):
+        results["verdict"] = "FAIL"
+        results["project"]["status"] = "issued"
+
+    evidence, path = second(fail)
+    assert first_page_rows(evidence)["Replaces"] == "revision 1, issued, FAIL"
+    path.write_text(to_json({"against": None, "changes": []}), "utf-8")
+    assert first_page_rows(evidence)["Replaces"].startswith("not known: no earlier revision")
+    path.unlink()
+    assert first_page_rows(evidence)["Replaces"].startswith("not known")
+    evidence.results["project"]["revision"] = 1
+    assert "Replaces" not in first_page_rows(evidence)
+
+
+def checked(evidence):
+    report = verify.Report()
+    verify.check_changes(report, evidence.folder, evidence.results)
+    return [row.quantity for row in report.differences]
+
+
+def test_the_verifier_holds_what_changed_against_the_results_and_the_first_page(second):
+    def fail(results):
+        results["verdict"] = "FAIL"
+        results["reconstructions"]["nerf"]["alignment"]["residuals"][0]["d_m"] = 0.5
+        del results["reconstructions"]["nerf"]["alignment"]["residuals"][1]
+
+    evidence, path = second(fail)
+    assert checked(evidence) == []
+    assert dict(verify.leaves(evidence.results)) == leaves(evidence.results)
+    whole = path.read_text("utf-8")
+    stored = json.loads(whole)
+    assert verify.replaced(stored, evidence.results) == replaced(evidence)
+    path.write_text(whole.replace('"FAIL"', '"PASS"'), "utf-8")
+    assert checked(evidence) == ["report.html says what it replaces"]
+    stored["changes"][-1]["after"] = 7
+    path.write_text(json.dumps(stored), "utf-8")
+    assert checked(evidence) == [
+        "data/changes.json: of what changed, all is in results.json as it is after"
+    ]
+    path.unlink()
+    assert checked(evidence) == ["data/changes.json is there"]

@@ -74,6 +74,20 @@ def changes(evidence: Evidence) -> list[Block]:
     ]
 
 
+def replaced(evidence: Evidence) -> str:
+    """Say which revision this one replaces, with its status and verdict; nothing of a first."""
+    about = evidence.results["project"]
+    path = evidence.folder / "data" / "changes.json"
+    if about["revision"] <= 1:
+        return ""
+    stored: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    if stored.get("against") is None:
+        return "not known: no earlier revision lay beside this one"
+    before = leaves_before(evidence.results, stored["changes"])
+    status = before.get("project.status", NONE)
+    return f"revision {before.get('project.revision', NONE)}, {status}, {_word(before)}"
+
+
 def _shown(caption: str, rows: list[Row]) -> Iterator[Block]:
     if not rows:
         yield Passage((f"{caption}: none, as printed.",))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from trigpoint_reporting import standards, wording
 from trigpoint_reporting.blocks import Block, Cell, Passage, Table, Value
+from trigpoint_reporting.content.changes import replaced
 from trigpoint_reporting.elevations import thumbnail
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, declared_digits, number_text
@@ -51,6 +52,7 @@ def _title_block(evidence: Evidence) -> Table:
     vertical = evidence.results["crs"]["vertical_datum"]
     rows: list[tuple[Cell, Cell]] = [
         ("Report", f"{about['id']}, revision {about['revision']}, {about['status']}"),
+        *([("Replaces", before)] if (before := replaced(evidence)) else []),
         ("Site", about["site"]),
         ("Client", about["client"]),
         ("Surveyor", people),

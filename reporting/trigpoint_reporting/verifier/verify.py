@@ -56,6 +56,8 @@ NOT_RECOMPUTED = {
     "floor_rmse_m, raw_pct": "measured on points before thinning, which the bundle does not hold",
     "reliability.zones, next_picks, geometry": "they need the reference cloud",
     "crs, inputs' formats, points and extents": "read from the inputs' headers",
+    "what data/changes.json has from before": "it stands in the bundle of the revision before; "
+    "what it has from after is compared with results.json",
     "clouds/, figures/, the pages of report.pdf": "derived; of the PDF what it embeds is "
     "compared, and the whole report is made again by trigpoint verify --again",
 }
@@ -1222,6 +1224,69 @@ def _due_warnings(results: Json) -> Iterator[tuple[str, str]]:
                 yield "icp_not_retained", f"{place}.icp.retained"
 
 
+# --- what a revision changed ----------------------------------------------------------------------
+
+# By what a row of a list is known in a path, where its position would not say.
+ROW_KEYS = ("id", "threshold_m", "quantity", "sha256", "message")
+
+
+def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every value of nested objects and lists by its path, as changes.json writes it."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from leaves(item, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        objects = bool(value) and all(isinstance(row, dict) for row in value)
+        names = (
+            key
+            for key in ROW_KEYS
+            if objects and len({str(row.get(key)) for row in value if key in row}) == len(value)
+        )
+        own = next(names, None)
+        for position, item in enumerate(value):
+            label = position if own is None else item[own]
+            rest = item if own is None else {k: v for k, v in item.items() if k != own}
+            yield from leaves(rest, f"{path}[{label}]")
+    else:
+        yield path, value
+
+
+def replaced(changes: Json, results: Json) -> str:
+    """Say what the report has to say of the revision that this one replaces."""
+    if changes["against"] is None:
+        return "not known: no earlier revision lay beside this one"
+    about = results["project"]
+    now = {
+        "project.revision": about["revision"],
+        "project.status": about["status"],
+        "verdict": results["verdict"],
+    }
+    was = now | {row["path"]: row["before"] for row in changes["changes"] if row["path"] in now}
+    return f"revision {was['project.revision']}, {was['project.status']}, {was['verdict']}"
+
+
+def check_changes(report: Report, folder: Path, results: Json) -> None:
+    """Compare what changed with what came of it, and the report with what it replaces."""
+    about, path = results["project"], folder / "data" / "changes.json"
+    report.equal("data/changes.json is there", path.is_file(), about["revision"] > 1)
+    if not path.is_file():
+        return
+    changes, found = read_json(path), dict(leaves(results))
+    wrong = [
+        row["path"]
+        for row in changes["changes"]
+        if (row["kind"] == "removed") == (row["path"] in found)
+        or row["after"] != found.get(row["path"])
+    ]
+    ends = "of what changed, all is in results.json as it is after"
+    report.equal(f"data/changes.json: {ends}", wrong, [])
+    page = folder / "report.html"
+    if page.is_file():
+        told = f"Replaces {replaced(changes, results)}"
+        printed = _letters("".join(_parse(page.read_text("utf-8")).text))
+        report.holds("report.html says what it replaces", _letters(told) in printed, expected=told)
+
+
 # --- settings, tables and matrices ----------------------------------------------------------------
 
 
@@ -1607,6 +1672,7 @@ def check(folder: Path) -> Report:
     attempt(report, "quality/iso19157.json", lambda: check_quality(report, folder, results))
     attempt(report, "ro-crate-metadata.json", lambda: check_crate(report, folder, hashes))
     attempt(report, "the verdict", lambda: check_verdict(report, results, settings))
+    attempt(report, "what changed", lambda: check_changes(report, folder, results))
     attempt(report, "what is printed", lambda: check_printed(report, folder, results))
     return report
 
