@@ -87,8 +87,16 @@ def test_it_says_so_in_one_sentence_and_the_same_each_time():
     assert one.statement == again.statement
     low, _, high = one.shares.iloc[0, 2:]
     assert one.statement == (
-        "From picking noise alone, the completeness of a perfect reconstruction would lie between "
+        "From picking noise alone, the completeness of a perfect reconstruction would be between "
         f"{low:.0f} and {high:.0f} % within 0.1 m."
+    )
+
+
+def test_scores_that_print_alike_are_told_as_one():
+    surface, zones = Surface(box_tower(1, 2_000)), height_zones(0.0, 30.0)
+    assert flawless(worth_of(), surface, zones, within=[9.0]).statement == (
+        "From picking noise alone, the completeness of a perfect reconstruction would be about "
+        "100 % within 9 m."
     )
 
 

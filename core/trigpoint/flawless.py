@@ -100,11 +100,15 @@ def flawless(
         }
     )
     scores = [
-        f"between {least:.0f} and {most:.0f} % within {threshold:g} m"
+        f"{_between(f'{least:.0f}', f'{most:.0f}')} % within {threshold:g} m"
         for threshold, least, most in zip(within, low[0], high[0], strict=True)
     ]
     statement = (
-        "From picking noise alone, the completeness of a perfect reconstruction would lie "
+        "From picking noise alone, the completeness of a perfect reconstruction would be "
         f"{', '.join(scores)}."
     )
     return Flawless(shares, statement)
+
+
+def _between(least: str, most: str) -> str:
+    return f"about {least}" if least == most else f"between {least} and {most}"

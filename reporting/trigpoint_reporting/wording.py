@@ -106,7 +106,7 @@ def verdict(evidence: Evidence) -> Passage:
         parts.append(f"{', '.join(doubts)}.")
     elif results["verdict"] == "FAIL":
         unmet = sum(not row["met"] for row in results["criteria"])
-        parts.append(f"{unmet} of {len(results['criteria'])} fail.")
+        parts.append(f"{unmet} of {len(results['criteria'])} {'fails' if unmet == 1 else 'fail'}.")
     return Passage(parts, told.tone)
 
 
@@ -198,6 +198,11 @@ def mark_of(within: Sequence[Mapping[str, Any]]) -> int:
     return marks.index(MARK_M) if MARK_M in marks else len(marks) // 2
 
 
+def picks(count: int) -> str:
+    """Return the word beside a number of them."""
+    return "pick" if count == 1 else "picks"
+
+
 def quantity_label(quantity: str) -> str:
     """Return what a limit's quantity is called in a table, with its unit.
 
@@ -249,7 +254,7 @@ def _held_out(found: Numbers) -> Iterator[Cell]:
     if found["checks"]["n"]:
         yield "At "
         yield found.value("checks", "n")
-        yield " check picks it is "
+        yield f" check {picks(found['checks']['n'])} it is "
         yield found.value("checks", "rmse_m")
         yield " m. "
 
@@ -265,7 +270,7 @@ def _icp(found: Numbers) -> Iterator[Cell]:
     yield (
         "ICP, not delivered, lowers the held-out error. "
         if asked is None or asked.shows
-        else f"{number_text(asked.n)} picks can't tell whether ICP helps. "
+        else f"{number_text(asked.n)} {picks(asked.n)} can't tell whether ICP helps. "
     )
 
 

@@ -351,6 +351,16 @@ def test_leave_one_out_over_some_of_the_picks_has_a_name_of_its_own(make_evidenc
     assert rows[2][0] == "Leave-one-out RMSE (m)"
 
 
+def test_icp_that_no_pick_was_held_out_for_is_not_said_to_have_been_judged(make_evidence):
+    evidence = make_evidence("full")
+    trial = evidence.results["reconstructions"]["nerf"]["icp"]
+    assert "the held-out error did not fall" in told(icp(evidence, "nerf"))
+    for part in ("loocv", "check"):
+        trial |= {f"{part}_rmse_before_m": None, f"{part}_rmse_after_m": None}
+    words = told(icp(evidence, "nerf"))
+    assert "Not retained: nothing was held out to judge it by." in words
+
+
 def test_icp_without_picks_is_judged_by_nothing(make_evidence):
     evidence = make_evidence("paper")
     words = told(icp(evidence, "sfm"))

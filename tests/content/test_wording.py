@@ -72,6 +72,16 @@ def test_check_picks_are_what_the_plot_scale_goes_by(make_evidence):
     assert "1:833 (check picks)" in told
 
 
+def test_one_pick_is_told_as_one(make_evidence):
+    evidence = make_evidence("full")
+    found = evidence.results["reconstructions"]["nerf"]
+    found["checks"]["n"] = 1
+    found["icp"] |= {"retained": True, "check_rmse_before_m": 0.174, "check_rmse_after_m": 0.173}
+    told = to_text(wording.result(evidence, "nerf"))
+    assert "At 1 check pick it is 0.150 m." in told
+    assert "1 pick can't tell whether ICP helps." in told
+
+
 def test_three_picks_say_that_none_could_be_left_out(make_evidence):
     told = to_text(wording.result(make_evidence("few"), "nerf"))
     assert "No pick could be left out." in told
@@ -101,7 +111,7 @@ def test_conditional_names_what_is_in_doubt(make_evidence):
 def test_fail_counts_the_limits_that_are_not_met(with_limits):
     limits = [("loocv.rmse_m", 0.1, 0.205), ("alignment.rmse_m", 0.2, 0.137)]
     told = to_text(wording.verdict(with_limits(*limits, verdict="FAIL")))
-    assert "1 of 2 fail" in told
+    assert "1 of 2 fails." in told
 
 
 def test_quantities_are_called_by_name_and_unit():

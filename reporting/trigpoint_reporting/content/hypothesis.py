@@ -98,7 +98,7 @@ def _decision(found: Numbers) -> Iterator[Cell]:
             "hypothesis all the same, and is not delivered."
         )
     else:
-        parts = ("control", "check")
+        parts = ("loocv", "check")
         judged = any(trial[f"{part}_rmse_before_m"] is not None for part in parts)
         why = "the held-out error did not fall" if judged else "nothing was held out to judge it by"
         yield f"Not retained: {why}."

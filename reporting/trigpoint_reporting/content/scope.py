@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trigpoint_reporting import standards
+from trigpoint_reporting import standards, wording
 from trigpoint_reporting.blocks import Block, Cell, Passage, Table
 from trigpoint_reporting.evidence import Evidence
 from trigpoint_reporting.numbers import Numbers, derived
@@ -52,8 +52,9 @@ def _independence(evidence: Evidence, name: str) -> Iterator[Cell]:
     if found["checks"]["n"]:
         yield found.value("checks", "n")
         yield (
-            " check picks entered neither fit, consensus, leave-one-out nor ICP: they are "
-            "independent of the fit, and not of the reference they were read from."
+            f" check {wording.picks(found['checks']['n'])} entered neither fit, consensus, "
+            "leave-one-out nor ICP: that is independent of the fit, and not of the "
+            "reference, where it was read."
         )
     else:
         yield "There are no check picks."
