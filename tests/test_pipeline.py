@@ -241,3 +241,15 @@ def test_the_georeferenced_cloud_holds_sigmas_where_the_project_asks(bundle):
     cloud = trigpoint.read(folder / "clouds" / "nerf-georeferenced.laz")
     sigmas = np.column_stack([cloud.attributes[name] for name in ("sigma_e", "sigma_n", "sigma_h")])
     assert 0.001 < sigmas.min() < sigmas.max() < 0.1
+
+
+def test_a_warning_about_one_of_several_reconstructions_names_it(small_project):
+    path, _ = small_project(extra="icp = false\nintervals = false\n")
+    cloud = trigpoint.read(path.parent / "sfm.laz")
+    low = cloud.take(cloud.coordinates[:, 2] < 152)
+    trigpoint.write(path.parent / "sfm.laz", low)
+    warnings = trigpoint.audit(path).results()["warnings"]
+    (empty,) = (each["message"] for each in warnings if each["code"] == "zone_empty")
+    assert empty.startswith("sfm: The reconstruction has no points in these zones: middle, upper.")
+    (shared,) = (each["message"] for each in warnings if each["code"] == "threshold_below_voxel")
+    assert shared.startswith("Thresholds 0.05, 0.1, 0.2 m are not above the voxel")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import metadata
 from itertools import combinations
 from pathlib import Path
@@ -231,18 +231,28 @@ def _cross_checks(project: Project, judged: Judged) -> Iterator[CrossCheck]:
 def _cautions(audit: Audit, checks: dict[str, tuple[CrossCheck, ...]]) -> Iterator[Caution]:
     yield from audit.reference_info.cautions
     yield from audit.crs.cautions
-    for judged in audit.judged:
-        # A cloud in its own frame is not expected to have a CRS.
-        own = judged.info.cautions
-        yield from (c for c in own if judged.alignment is None or c.code != "crs_missing")
-        if judged.alignment is not None:
-            yield from judged.alignment.cautions
-        yield from judged.delivered.cautions
-        if judged.intervals is not None:
-            yield from judged.intervals.cautions
-        if judged.trial is not None:
-            yield from judged.trial.cautions
-        yield from (c.caution for c in checks[judged.given.name] if c.caution is not None)
+    own = [tuple(_own_cautions(each, checks[each.given.name])) for each in audit.judged]
+    for judged, found in zip(audit.judged, own, strict=True):
+        for caution in found:
+            # What holds for all is about the reference or a setting.
+            if all(caution in each for each in own):
+                yield caution
+            else:
+                yield replace(caution, message=f"{judged.given.name}: {caution.message}")
+
+
+def _own_cautions(judged: Judged, checks: tuple[CrossCheck, ...]) -> Iterator[Caution]:
+    # A cloud in its own frame is not expected to have a CRS.
+    own = judged.info.cautions
+    yield from (c for c in own if judged.alignment is None or c.code != "crs_missing")
+    if judged.alignment is not None:
+        yield from judged.alignment.cautions
+    yield from judged.delivered.cautions
+    if judged.intervals is not None:
+        yield from judged.intervals.cautions
+    if judged.trial is not None:
+        yield from judged.trial.cautions
+    yield from (c.caution for c in checks if c.caution is not None)
 
 
 def _settings(project: Project) -> dict[str, Any]:
