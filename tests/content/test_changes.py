@@ -266,3 +266,14 @@ def test_the_verifier_holds_what_changed_against_the_results_and_the_first_page(
     ]
     path.unlink()
     assert checked(evidence) == ["data/changes.json is there"]
+
+
+def test_doubts_in_another_order_are_the_same_doubts(make_evidence, revised):
+    codes = ("picks_few", "grid_scale")
+    before = make_evidence("paper").results
+    before["warnings"] = [{"code": code, "message": code} for code in codes]
+
+    def change(results):
+        results["warnings"][0]["message"] = "nerf: picks_few"
+
+    assert rows_of(revised(change, before)) == []

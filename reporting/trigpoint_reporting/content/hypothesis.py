@@ -104,7 +104,8 @@ def _decision(found: Numbers) -> Iterator[Cell]:
         yield f"Not retained: {why}."
     asked = wording.held_out_of_icp(found)
     if asked is not None and not asked.shows:
-        yield f" What that can show: an RMSE of {asked.n} picks is itself known to about "
+        count = f"{asked.n} {wording.picks(asked.n)}"
+        yield f" What that can show: an RMSE of {count} is itself known to about "
         yield derived(asked.known_to_m, 3)
         yield (
             " m, 1/√(6n) of it. The change is smaller: these picks do not tell which of the two "
