@@ -166,7 +166,8 @@ class Message(QFrame):
 
     def restyle(self) -> None:
         """Take the colours of the theme it is shown in."""
-        look = look_of(self)
+        # Its own ground is what was chosen last: ask where it lies.
+        look = look_of(self.parentWidget())
         colour = getattr(look, self.level)
         self.setStyleSheet(
             f"#message {{ background: {look.raised}; border: 0; "

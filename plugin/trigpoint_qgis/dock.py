@@ -77,8 +77,9 @@ class TrigpointDock(QDockWidget):
     def changeEvent(self, event: Any) -> None:
         """Follow the theme."""
         super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and getattr(self, "strip", None) is not None:
-            self.strip.restyle()
+        if event.type() == QEvent.Type.PaletteChange:
+            # What lies in it hears of the change only afterwards.
+            QTimer.singleShot(0, self._restyle)
 
     def look_again(self) -> None:
         """Show the panel if all it needs is there, else the card."""
@@ -177,6 +178,10 @@ class TrigpointDock(QDockWidget):
         frame.moveLeft(max(frame.left(), free.left()))
         frame.moveTop(max(frame.top(), free.top()))
         self.move(frame.topLeft())
+
+    def _restyle(self) -> None:
+        if self.strip is not None:
+            self.strip.restyle()
 
     def _remove(self, widget: QWidget) -> None:
         self._column.removeWidget(widget)

@@ -328,6 +328,22 @@ def test_a_message_is_read_whole_where_the_dock_is_narrow(host):
     assert sentence.height() > 2 * sentence.fontMetrics().height()
 
 
+def test_a_message_that_is_shown_follows_a_change_of_theme(plugin, lacking):  # noqa: ARG001
+    pytest.importorskip("qtpy", reason="qtpy is not installed")
+    from trigpoint_panel.strip import MessageStrip
+    from trigpoint_panel.style import LOOKS, palette_of
+
+    plugin.show_panel()
+    wait_until(lambda: plugin.dock.card is not None)
+    strip = plugin.dock.strip = MessageStrip(plugin.dock.widget())
+    message = strip.add("info", "Carried.")
+    strip.show()
+    for theme in ("dark", "light", "dark"):
+        plugin.dock.setPalette(palette_of(LOOKS[theme]))
+        wait_until(lambda: LOOKS[theme].raised in message.styleSheet())  # noqa: B023
+    plugin.dock.strip = None
+
+
 def test_a_document_that_nothing_opens_is_told_with_its_place(host, monkeypatch, tmp_path):
     from trigpoint_qgis import host as room
 
