@@ -364,10 +364,12 @@ def test_what_a_difference_tells_is_concluded_again(low, high, gap, verdict):
     row = {"threshold_m": 0.2, "low_pct": low, "high_pct": high, "difference_pct": gap}
     assert verifier._told_apart(row, 0.1) == verdict
     assert verifier._told_apart(row, 0.2) == "not resolvable"
-    pair = {"names": ["nerf", "sfm"], "differences": [row | {"zone": "all", "verdict": verdict}]}
-    stated = verifier._pair_statement(pair, {"nerf": True, "sfm": False})
-    table = pd.DataFrame(pair["differences"])
-    assert stated == pairing._statement(table, ("nerf", "sfm"), (True, False))
+    for told in (verdict, "not resolvable"):
+        pair = {"names": ["nerf", "sfm"], "differences": [row | {"zone": "all", "verdict": told}]}
+        stated = verifier._pair_statement(pair, {"nerf": True, "sfm": False})
+        table = pd.DataFrame(pair["differences"])
+        assert stated == pairing._statement(table, ("nerf", "sfm"), (True, False))
+        assert ("95 % intervals" in stated) == (told != "not resolvable")
 
 
 def test_trap_a_distance_made_smaller(bundle):

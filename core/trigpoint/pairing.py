@@ -218,6 +218,8 @@ def _statement(table: pd.DataFrame, names: tuple[str, str], has_pose: tuple[bool
         thresholds = [f"{t:g}" for t in table.loc[table["verdict"] == verdict, "threshold_m"]]
         if thresholds:
             found.append(f"{what} within {_listed(thresholds)} m{why}")
+    if (table["verdict"] == UNRESOLVED).all():
+        return f"Over all zones, {'; '.join(found)}."
     taken = [name for name, known in zip(names, has_pose, strict=True) if not known]
     proviso = f", the pose of {_listed(taken)} being taken as it is" if taken else ""
     return f"Over all zones, {'; '.join(found)} (95 % intervals{proviso})."

@@ -1088,6 +1088,8 @@ def _pair_statement(pair: Json, posed: Mapping[str, bool]) -> str:
         if at:
             listed = f"{', '.join(at[:-1])} and {at[-1]}" if at[1:] else at[0]
             parts.append(f"{before} {listed} m{after}")
+    if all(row["verdict"] == "not resolvable" for row in overall):
+        return f"Over all zones, {'; '.join(parts)}."
     fixed = " and ".join(name for name in pair["names"] if not posed[name])
     taken = f", the pose of {fixed} being taken as it is" if fixed else ""
     return f"Over all zones, {'; '.join(parts)} (95 % intervals{taken})."
