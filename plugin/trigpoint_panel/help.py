@@ -63,10 +63,12 @@ class KeysWindow(QDialog):
         grid.setHorizontalSpacing(14)
         grid.setVerticalSpacing(4)
         grid.setColumnStretch(1, 1)
+        # Alike in all groups of a column; a key that is wider still has what it needs.
+        widest = self.fontMetrics().horizontalAdvance("Right or middle drag__")
+        grid.setColumnMinimumWidth(0, widest)
         for row, (keys, about) in enumerate(told):
             key = QLabel(keys, self._list)
             key.setProperty("role", "heading")
-            key.setMinimumWidth(key.fontMetrics().horizontalAdvance("Right or middle drag__"))
             key.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             grid.addWidget(key, row, 0)
             grid.addWidget(QLabel(about, self._list), row, 1)

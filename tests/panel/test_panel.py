@@ -178,6 +178,8 @@ def test_with_large_letters_the_help_stays_on_the_screen_and_scrolls(panel, qtbo
     assert keys.size() == keys.sizeHint().boundedTo(room)
     (area,) = keys.findChildren(QScrollArea)
     qtbot.waitUntil(lambda: area.horizontalScrollBar().maximum() > 0, timeout=2000)
+    for label in keys.findChildren(QLabel):
+        assert label.width() >= label.fontMetrics().horizontalAdvance(label.text()), label.text()
 
 
 def test_a_row_of_the_table_has_a_menu(panel):
