@@ -448,3 +448,8 @@ def test_align_takes_less_than_a_second_once_it_is_loaded(run, small):
     start = time.process_time()
     assert run("align", small / "picks.csv")[0] == 0
     assert time.process_time() - start < 1
+
+
+def test_what_rounds_to_nought_has_no_sign():
+    assert people.number(-0.0004) == "0.000"
+    assert people.number(-0.0006) == "-0.001"

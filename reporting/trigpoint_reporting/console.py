@@ -20,7 +20,7 @@ MANY, WORST = 50, 20
 
 def number(value: float | None, digits: int = 3) -> str:
     """Format a number; a missing one is a dash."""
-    return "-" if value is None else f"{value:.{digits}f}"
+    return "-" if value is None else f"{value:z.{digits}f}"
 
 
 def length(value: float | None) -> str:
