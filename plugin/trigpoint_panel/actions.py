@@ -65,6 +65,13 @@ COMMANDS: dict[str, Command] = {
         "Swap", "X", "Show one cloud, then the other, in place", "swap", None, "overlay"
     ),
     "next_places": Command("Next", "", "Mark where to pick next", "next", True, "link"),
+    "magnify": Command(
+        "Magnify (or hold Z)",
+        "",
+        "Show four times as large what the mouse points at, in both views; or hold Z",
+        "magnify",
+        False,
+    ),
     "pane": Command("Tabs", "F9", "Show or hide Align, Errors and Report", "pane", True),
     "escape": Command("Stop", "Esc", "Cancel the job, else drop the open half, else stop picking"),
     "delete": Command("Delete pairs", "Del", "Delete the selected pairs"),
@@ -168,6 +175,7 @@ def make_actions(panel: QWidget) -> dict[str, QAction]:
         if command.checked is not None:
             action.setCheckable(True)
             action.setChecked(command.checked)
+            action.setIconVisibleInMenu(False)  # it would stand in place of the tick
         panel.addAction(action)
         made[name] = action
     return made

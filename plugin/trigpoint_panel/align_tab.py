@@ -224,7 +224,7 @@ def _told(shown: Similarity, model: Model) -> str:
     lines += [
         f"scale  {shown.scale:.6f} m per unit",
         f"rotation  {np.degrees(angle):.4f}° about ({axis[0]:.3f}, {axis[1]:.3f}, {axis[2]:.3f})",
-        f"translation  {east:.3f}, {north:.3f}, {height:.3f} m",
+        f"translation  {east:.3f}, {north:.3f}, {height:.3f}\N{NO-BREAK SPACE}m",
     ]
     if alignment is not None and alignment.loocv.max_scale_change_pct is not None:
         change = alignment.loocv.max_scale_change_pct

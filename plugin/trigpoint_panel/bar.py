@@ -45,7 +45,17 @@ SUBMENUS = {
     ),
     "view": (
         "View",
-        ("fit_view", "front", "right", "top", "parallel", "eye_dome", "larger", "smaller"),
+        (
+            "fit_view",
+            "front",
+            "right",
+            "top",
+            "parallel",
+            "eye_dome",
+            "magnify",
+            "larger",
+            "smaller",
+        ),
     ),
 }
 # Which buttons keep their words, from the widest bar to the narrowest; all have an icon.
@@ -56,6 +66,7 @@ WORDED: tuple[frozenset[str], ...] = (
     ),
     frozenset({"menu", "open_source", "open_target", "pick", "pane"}),
     frozenset({"open_source", "open_target", "pick"}),
+    frozenset({"open_source", "open_target"}),
     frozenset(),
 )
 
@@ -118,7 +129,8 @@ class Bar(QToolBar):
         for name in ("link", "overlay", "swap"):
             self.addAction(actions[name])
         self.addSeparator()
-        self.addAction(actions["next_places"])
+        for name in ("next_places", "magnify"):
+            self.addAction(actions[name])
         space = QWidget(self)
         space.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.addWidget(space)

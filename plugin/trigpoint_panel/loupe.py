@@ -101,22 +101,20 @@ class Magnifier:
         if self._loupe is None:
             self._loupe = Loupe(self._scene, self._stage)
 
-    def follow(self, mouse: QtCore.QPointF) -> None:
-        """Show what is to be magnified now, with the mouse at a place of the stage."""
+    def follow(self, mouse: QtCore.QPointF | None) -> None:
+        """Show what is to be magnified now; the mouse is at a place of the stage, or elsewhere."""
         if not self._is_on or self._loupe is None:
             return
         at = mouse
         if self._place is not None:
             x, y = self._scene.project(self._place) / self._stage.ratio
             at = QtCore.QPointF(x, self._stage.height() - y)
+        if at is None:
+            self._loupe.hide()
+            return
         self._loupe.look(at)
         self._loupe.show()
         self._loupe.raise_()
-
-    def forget_mouse(self) -> None:
-        """Hide what the mouse has left, until it is back."""
-        if self._loupe is not None and self._place is None:
-            self._loupe.hide()
 
     def hide(self) -> None:
         """Magnify nothing."""

@@ -19,8 +19,8 @@ class Mouse(QtCore.QObject):
 
     Attributes
     ----------
-    at : QPointF
-        Where it moved last.
+    at : QPointF or None
+        Where it moved last; None: it is elsewhere.
     picks : bool
         Whether clicks pick; a double click flies otherwise.
 
@@ -55,7 +55,7 @@ class Mouse(QtCore.QObject):
 
     def __init__(self, parent: QtCore.QObject) -> None:
         super().__init__(parent)
-        self.at = QtCore.QPointF()
+        self.at: QtCore.QPointF | None = None
         self.picks = False
         self._press: tuple[QtCore.QPointF, Any] | None = None
         self._last = QtCore.QPointF()
@@ -84,6 +84,7 @@ class Mouse(QtCore.QObject):
             self.wheeled.emit(_place(event), angle / 120)
         elif kind == types.Leave:
             self._hover.stop()
+            self.at = None
             self.left.emit()
         elif kind != types.Enter:
             return False

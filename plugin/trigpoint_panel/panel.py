@@ -246,6 +246,7 @@ class Panel(QWidget):
             "link": views.set_linked,
             "overlay": views.set_overlaid,
             "next_places": views.show_next,
+            "magnify": views.magnify,
             "pane": lambda _: self._share_room(),
             "eye_dome": self._set_eye_dome,
             "parallel": views.set_parallel,
@@ -368,20 +369,20 @@ class Panel(QWidget):
             super().keyPressEvent(event)
 
     def keyReleaseEvent(self, event: QKeyEvent) -> None:
-        """Let the magnifier go."""
+        """Let the magnifier go, unless its switch is on."""
         if event.key() == Qt.Key.Key_Z and not event.isAutoRepeat():
-            self.views.magnify(False)
+            self.views.magnify(self.action("magnify").isChecked())
             event.accept()
         else:
             super().keyReleaseEvent(event)
 
     def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme, and let the magnifier go when another window comes to the front."""
+        """Follow the theme, and let Z go when another window comes to the front."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_restyle"):
             self._restyle.start()
         elif event.type() == QEvent.Type.ActivationChange and not self._closed:
-            self.views.magnify(False)
+            self.views.magnify(self.action("magnify").isChecked())
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Take files."""

@@ -461,8 +461,11 @@ class CloudView(QtWidgets.QWidget):
             self.refused.emit(str(error))
 
     def _tell_hovered(self) -> None:
-        row = self._row_at(self._mouse.at)
-        self._point_at(self._mouse.at)
+        at = self._mouse.at
+        if at is None:
+            return
+        row = self._row_at(at)
+        self._point_at(at)
         self.hovered.emit(None if row is None else position_of(self.scene.coordinates(row)))
 
     def _follow_mouse(self) -> None:
@@ -471,7 +474,7 @@ class CloudView(QtWidgets.QWidget):
     def _forget_mouse(self) -> None:
         self.hovered.emit(None)
         self._point_at(None)
-        self._magnifier.forget_mouse()
+        self._follow_mouse()
 
     def _point_at(self, at: QtCore.QPointF | None) -> None:
         if self.scene.is_drawn and self._stage.marks.point_at(at):

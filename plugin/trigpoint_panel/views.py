@@ -51,7 +51,7 @@ class TwoViews(QSplitter):
         self.target = CloudView("target", self, canvas=canvas)
         self.opened: dict[Side, Opened | None] = {"source": None, "target": None}
         self._link = Link(self.source, self.target)
-        self._is_linked = self._is_overlaid = False
+        self._is_linked = self._is_overlaid = self._magnifies = False
         self._shows_next = True
         self._similarity: Similarity | None = None
         self._snap: tuple[Mode, float | None] = ("point", None)
@@ -199,6 +199,7 @@ class TwoViews(QSplitter):
 
     def magnify(self, on: bool) -> None:
         """Show a magnifier at the mouse, and at the same place in the other view."""
+        self._magnifies = on
         for side in SIDES:
             if not on:
                 self.view(side).magnify(False)
@@ -248,6 +249,8 @@ class TwoViews(QSplitter):
 
     def _hover(self, side: Side, xyz: Place | None) -> None:
         self._under[side] = xyz
+        if self._magnifies:
+            self.magnify(True)
         if xyz is None:
             self.hovered.emit("")
             return

@@ -34,6 +34,22 @@ def window(qtbot, tmp_path):
     qtbot.wait(1)
 
 
+def test_a_laptops_bar_names_what_is_opened_and_says_where_to_snap(window, qtbot):
+    bar = window.panel.bar
+    window.resize(1024, 600)
+    qtbot.wait(20)
+    beside = Qt.ToolButtonStyle.ToolButtonTextBesideIcon
+    for name in ("open_source", "open_target"):
+        assert bar.widgetForAction(window.panel.action(name)).toolButtonStyle() == beside
+    assert bar.radius.isVisible()
+    assert not bar._arrow.isVisible()
+
+
+def test_what_is_on_has_a_tick_in_a_menu(window):
+    for action in window.panel.actions_by_name.values():
+        assert not (action.isCheckable() and action.isIconVisibleInMenu())
+
+
 @pytest.mark.parametrize("width", [None, 1366, 1092, 960, 700, 480])
 def test_the_menu_is_in_reach_at_every_width(window, qtbot, width):
     if width is not None:

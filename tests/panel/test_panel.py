@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc_type=ImportError)
 pytest.importorskip("pyvista", reason="the panel's packages are not installed")
 
-from qtpy.QtCore import QLocale, QMimeData, QPoint, QPointF, Qt, QUrl
+from qtpy.QtCore import QEvent, QLocale, QMimeData, QPoint, QPointF, Qt, QUrl
 from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics, QTextDocument
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import (
@@ -37,6 +37,7 @@ from trigpoint_panel import stateline
 from trigpoint_panel.actions import COMMANDS, keys_told
 from trigpoint_panel.auditing import Audited
 from trigpoint_panel.jobs import Job, Pool, told
+from trigpoint_panel.pairs import SIDES
 from trigpoint_panel.panel import Panel
 from trigpoint_panel.session import read_session
 from trigpoint_panel.style import DARK, LIGHT, apply_theme
@@ -931,6 +932,37 @@ def test_the_magnifier_is_on_while_z_is_held(panel, clouds, qtbot):
     QTest.keyPress(panel, Qt.Key.Key_Z)
     QTest.keyRelease(panel, Qt.Key.Key_Z)
     assert held == [True, False]
+
+
+def test_the_magnifier_stays_while_its_switch_is_on_and_follows_the_mouse(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    feed(panel)
+    views, switch = panel.views, panel.action("magnify")
+
+    def seen():
+        loupes = [views.view(side)._magnifier._loupe for side in SIDES]
+        return [loupe is not None and loupe.isVisible() for loupe in loupes]
+
+    switch.setChecked(True)
+    assert seen() == [False, False]  # the mouse is in no view
+    view, other = views.source, views.target
+    row = next(
+        row
+        for row in range(len(view.opened.cloud))
+        if not view.scene.is_hidden(view.scene.coordinates(row)[None])[0]
+    )
+    x, y = view.scene.project(view.scene.coordinates(row)) / view._stage.ratio
+    QTest.mouseMove(view.canvas.surface, QPoint(round(x), round(view._stage.height() - y)))
+    qtbot.waitUntil(lambda: seen() == [True, True], timeout=5000)
+    assert view._magnifier.is_at_mouse
+    assert not other._magnifier.is_at_mouse
+    QTest.keyPress(panel, Qt.Key.Key_Z)
+    QTest.keyRelease(panel, Qt.Key.Key_Z)
+    assert seen() == [True, True]
+    QApplication.sendEvent(view.canvas.surface, QEvent(QEvent.Type.Leave))
+    assert seen() == [False, False]
+    switch.setChecked(False)
+    assert not views._magnifies
 
 
 def test_letters_go_into_a_field_and_not_to_the_panel(panel, qtbot):
