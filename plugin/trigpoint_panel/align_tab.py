@@ -147,8 +147,8 @@ class AlignTab(Tab):
             lines.append(f"{k}.  E {x:.1f}  N {y:.1f}  H {z:.1f}   −{100 * gain:.1f} cm")  # noqa: RUF001
         if lines:
             lines.append(
-                "The last number: by how much the largest sigma would shrink. The report judges "
-                "more places; its best lie near these."
+                "In metres; the last number is by how much the largest sigma would shrink. The "
+                "report judges more places; its best lie near these."
             )
         say(self.next, "\n".join(lines) or _why_nowhere(fit))
         self.show_next.setEnabled(bool(lines))

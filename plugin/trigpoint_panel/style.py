@@ -131,6 +131,8 @@ def sheet(look: Look) -> str:
       background: {look.raised}; color: {look.accent}; border-color: {look.line}; }}
     QToolBar QToolButton#pick-button:checked {{
       background: {look.accent}; color: {look.on_accent}; }}
+    QToolBar QToolButton:checked:disabled, QToolBar QToolButton#pick-button:checked:disabled {{
+      background: transparent; color: {look.faint}; }}
     QToolBar QToolButton:focus {{ border-color: {look.accent}; }}
     QToolBar::separator {{ background: {look.line}; width: 1px; margin: 4px 4px; }}
     CloudView {{ border: 2px solid transparent; }}

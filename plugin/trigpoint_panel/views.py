@@ -251,13 +251,13 @@ class TwoViews(QSplitter):
         self._under[side] = xyz
         if self._magnifies:
             self.magnify(True)
-        if xyz is None:
+        opened = self.opened[side]
+        if xyz is None or opened is None:
             self.hovered.emit("")
             return
         names = ("X", "Y", "Z") if side == "source" else ("E", "N", "H")
-        self.hovered.emit(
-            "   ".join(f"{name} {value:.3f}" for name, value in zip(names, xyz, strict=True))
-        )
+        said = "   ".join(f"{name} {value:.3f}" for name, value in zip(names, xyz, strict=True))
+        self.hovered.emit(f"{said} {opened.unit}")
 
 
 def _ghost_marker(ghost: Ghost) -> Marker:

@@ -924,6 +924,17 @@ def test_five_centimetres_are_five_centimetres_on_every_desktop(host, qtbot, tmp
     assert tab.trials.value() == 12345
 
 
+def test_a_place_under_the_mouse_is_told_in_its_unit(panel, clouds, qtbot):
+    load(panel, clouds, qtbot)
+    told = panel.foot.where
+    panel.views.source.hovered.emit((1.0, 2.0, 3.0))
+    assert told.text() == "X 1.000   Y 2.000   Z 3.000 units"
+    panel.views.target.hovered.emit((741_000.0, 4_279_000.0, 150.0))
+    assert told.text() == "E 741000.000   N 4279000.000   H 150.000 m"
+    panel.views.target.hovered.emit(None)
+    assert told.text() == ""
+
+
 def test_the_magnifier_is_on_while_z_is_held(panel, clouds, qtbot):
     load(panel, clouds, qtbot)
     held = []
