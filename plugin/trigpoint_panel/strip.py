@@ -13,6 +13,7 @@ from qtpy.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QLabel,
+    QLayout,
     QPlainTextEdit,
     QSizePolicy,
     QToolButton,
@@ -67,10 +68,17 @@ class Sentence(QPlainTextEdit):
 
     def _tell(self) -> None:
         """Tell every layout that this stands in how high it is now."""
+        layouts: list[QLayout] = []
         widget: QWidget | None = self
         while widget is not None and not widget.isWindow():
             widget.updateGeometry()
             widget = widget.parentWidget()
+            layout = None if widget is None else widget.layout()
+            if layout is not None:
+                layouts.append(layout)
+        # One that came and went hidden waits for a request that it has had.
+        for each in reversed(layouts):
+            each.activate()
 
     def _fit(self) -> None:
         if self._fits:

@@ -210,6 +210,24 @@ def test_an_error_that_nobody_foresaw_is_a_message(window, qtbot, capsys):
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
+def test_messages_that_come_together_in_a_narrow_window_cover_nothing(window, qtbot):
+    window.resize(480, 640)
+    ways = [(name, lambda: None) for name in ("Choose a CRS", "Keep as it is", "Open the folder")]
+    long = "Opening /home/analyst/projects/deliveries/a_reconstruction.ply: it was cut short. " * 4
+    window.host.message("error", 2 * long, "Traceback")
+    qtbot.wait(200)
+    window.host.clear_messages()
+    window.host.message("warning", "It names no vertical datum: heights are as given.", "why", ways)
+    qtbot.wait(200)
+    window.host.message("warning", long, "why", ways)
+    window.host.message("success", "Saved.")
+    qtbot.wait(200)
+    for message in window.strip.messages:
+        assert message.height() >= message.minimumSizeHint().height()
+        for button in message.buttons[:-1]:
+            assert not button.geometry().intersects(message.sentence.geometry())
+
+
 def test_the_strip_shows_the_newest_on_top_and_the_same_once(qtbot):
     strip = MessageStrip()
     qtbot.addWidget(strip)
