@@ -150,6 +150,9 @@ class TrigpointDock(QDockWidget):
         """Give the panel its room, once it is shown in its own style and can be measured."""
         if self.panel is None:
             return
+        # QGIS's window has a style sheet too: under it the panel's headings and notes are first
+        # shown without the fonts and colours of its own.
+        self.panel.setStyleSheet(self.panel.styleSheet())
         self._moved(self.isFloating())
 
     def _moved(self, floats: bool) -> None:

@@ -68,6 +68,7 @@ def test_from_the_project_to_the_report_and_the_map(
     said = run_qgis("story", screen=screen, seconds=400, project=small, theme=theme)
     assert said["rmse_m"] < 0.1
     assert said["clipped"] == []
+    assert said["bold"] == [True], "headings look like what they head"
     # Docked, the views have a height; floated again, all of the panel is in reach.
     assert said["docked_view_px"] > 150
     assert said["on_screen"]

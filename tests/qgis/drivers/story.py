@@ -48,6 +48,7 @@ def steps():
     breathe(1)
     shot("story-3-docked")
     SAID["clipped"] = clipped(panel)
+    SAID["bold"] = list({label.font().bold() for label in headings(panel)})
     SAID["menu_seen_docked"] = panel.bar.menu_button.isVisible()
     SAID["docked_view_px"] = panel.views.view("source").height()
     dock.setFloating(True)
@@ -144,6 +145,13 @@ def told(layer):
     if Qgis.QGIS_VERSION_INT >= 33800 and hasattr(layer, "verticalCrs"):
         found["vertical"] = layer.verticalCrs().authid()
     return found
+
+
+def headings(panel):
+    """Return the labels of the panel that head a section."""
+    from qtpy.QtWidgets import QLabel
+
+    return [label for label in panel.findChildren(QLabel) if label.property("role") == "heading"]
 
 
 def clipped(panel):
