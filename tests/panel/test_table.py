@@ -102,6 +102,7 @@ def test_the_words_of_the_current_cell_are_as_dark_as_their_neighbours(table):
     for more in (state.State_None, state.State_HasFocus | state.State_MouseOver):
         option.state = state.State_Enabled | state.State_Active | state.State_Selected | more
         picture = QImage(option.rect.size(), QImage.Format.Format_RGB32)
+        picture.fill(Qt.GlobalColor.white)
         painter = QPainter(picture)
         table.itemDelegate().paint(painter, option, current)
         painter.end()
