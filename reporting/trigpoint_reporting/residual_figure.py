@@ -123,7 +123,7 @@ def residual_vectors(evidence: Evidence, name: str) -> Picture | Passage:
     worst = used.sort_values("d_m", kind="stable").iloc[-1]
     rejected = int((table["kind"] == "rejected").sum())
     checks = found["checks"]
-    checked = f"The {checks['n']} check picks keep {metres(checks['rmse_m'])} RMSE."
+    checked = f"RMSE at check picks (n = {checks['n']}): {metres(checks['rmse_m'])}."
     checked = checked if checks["n"] else "There are no check picks."
     alt = (
         f"The {len(used)} picks used keep residuals of up to {metres(worst['d_m'])} "

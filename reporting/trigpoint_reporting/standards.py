@@ -28,7 +28,7 @@ HORIZONTAL = (
     "space. "
 )
 NO_CLASS = (
-    "no limit on checks.total_m or checks.rmse_m asks for an accuracy class, so no sentence of the "
+    "no limit on the RMSE at the check picks asks for an accuracy class, so no sentence of the "
     "standard is quoted. "
 )
 

@@ -85,7 +85,7 @@ def test_the_reference_is_held_to_twice_the_class_in_space(with_limits):
 def test_where_nobody_asks_for_a_class_the_standard_is_not_quoted(with_limits, checks, accuracy):
     other = ("loocv.rmse_m", 0.25, 0.205)
     words = told(with_limits(other, verdict="PASS", checks=checks, accuracy=accuracy))
-    assert "no limit on checks.total_m or checks.rmse_m asks for an accuracy class" in words
+    assert "no limit on the RMSE at the check picks asks for an accuracy class" in words
     assert "This data set" not in words
     assert not set("“”_") & set(words.replace("total_m", "").replace("rmse_m", ""))
 

@@ -53,8 +53,8 @@ def _independence(evidence: Evidence, name: str) -> Iterator[Cell]:
         yield found.value("checks", "n")
         yield (
             f" check {wording.picks(found['checks']['n'])} entered neither fit, consensus, "
-            "leave-one-out nor ICP: that is independent of the fit, and not of the "
-            "reference, where it was read."
+            "leave-one-out nor ICP: an error found there is independent of the fit, and not of the "
+            "reference."
         )
     else:
         yield "There are no check picks."
