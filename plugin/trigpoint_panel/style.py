@@ -108,9 +108,7 @@ def palette_of(look: Look) -> QPalette:
     for each, colour in chosen.items():
         palette.setColor(each, QColor(colour))
     for each in (role.WindowText, role.Text, role.ButtonText):
-        faded = QColor(look.faint)
-        faded.setAlpha(150)
-        palette.setColor(group.Disabled, each, faded)
+        palette.setColor(group.Disabled, each, _faded(look))
     return palette
 
 
@@ -132,7 +130,7 @@ def sheet(look: Look) -> str:
     QToolBar QToolButton#pick-button:checked {{
       background: {look.accent}; color: {look.on_accent}; }}
     QToolBar QToolButton:checked:disabled, QToolBar QToolButton#pick-button:checked:disabled {{
-      background: transparent; color: {look.faint}; }}
+      background: transparent; color: rgba{_faded(look).getRgb()}; }}
     QToolBar QToolButton:focus {{ border-color: {look.accent}; }}
     QToolBar::separator {{ background: {look.line}; width: 1px; margin: 4px 4px; }}
     CloudView {{ border: 2px solid transparent; }}
@@ -156,3 +154,10 @@ def sheet(look: Look) -> str:
     QLabel[level="warning"] {{ color: {look.warning}; }}
     QLabel[level="error"] {{ color: {look.error}; }}
     """
+
+
+def _faded(look: Look) -> QColor:
+    """Return the colour of what can't be used."""
+    faded = QColor(look.faint)
+    faded.setAlpha(150)
+    return faded

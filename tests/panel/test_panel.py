@@ -14,7 +14,7 @@ pytest.importorskip("qtpy", reason="the panel's packages are not installed", exc
 pytest.importorskip("pyvista", reason="the panel's packages are not installed")
 
 from qtpy.QtCore import QEvent, QLocale, QMimeData, QPoint, QPointF, Qt, QUrl
-from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics, QTextDocument
+from qtpy.QtGui import QDragEnterEvent, QDropEvent, QFontMetrics, QPalette, QTextDocument
 from qtpy.QtTest import QTest
 from qtpy.QtWidgets import (
     QAbstractSpinBox,
@@ -40,7 +40,7 @@ from trigpoint_panel.jobs import Job, Pool, told
 from trigpoint_panel.pairs import SIDES
 from trigpoint_panel.panel import Panel
 from trigpoint_panel.session import read_session
-from trigpoint_panel.style import DARK, LIGHT, apply_theme
+from trigpoint_panel.style import DARK, LIGHT, apply_theme, palette_of, sheet
 from trigpoint_reporting.elevations import LIMIT_M, distance_colours
 
 TRUTH = Similarity(
@@ -922,6 +922,13 @@ def test_five_centimetres_are_five_centimetres_on_every_desktop(host, qtbot, tmp
     assert panel.model.state.comparison.voxel_m == 0.05
     panel.model.set_alignment(trials=12_345)
     assert tab.trials.value() == 12345
+
+
+@pytest.mark.parametrize("look", [LIGHT, DARK])
+def test_what_is_on_but_can_not_be_used_is_as_faint_as_the_rest(look):
+    faint = palette_of(look).color(QPalette.ColorGroup.Disabled, QPalette.ColorRole.ButtonText)
+    rule = sheet(look).split("checked:disabled {")[1].split("}")[0]
+    assert f"color: rgba{faint.getRgb()};" in rule
 
 
 def test_a_place_under_the_mouse_is_told_in_its_unit(panel, clouds, qtbot):
