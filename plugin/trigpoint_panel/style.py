@@ -122,7 +122,7 @@ def sheet(look: Look) -> str:
     """Return the style sheet of the panel itself; it leaves its host's alone."""
     return f"""
     QToolBar {{ border: 0; border-bottom: 1px solid {look.line}; padding: 2px 4px; spacing: 2px; }}
-    QToolBar QToolButton {{ padding: 3px 6px; border-radius: 4px; border: 1px solid transparent; }}
+    QToolBar QToolButton {{ padding: 3px 5px; border-radius: 4px; border: 1px solid transparent; }}
     QToolBar QToolButton#qt_toolbar_ext_button {{ padding: 0; border: 0; }}
     QToolBar QToolButton:hover {{ background: {look.raised}; }}
     QToolBar QToolButton:checked {{

@@ -168,10 +168,19 @@ def test_the_help_shows_every_key_on_one_screen(panel, qtbot):
     assert qtbot is not None
 
 
+@pytest.fixture
+def large_letters(qapp):
+    """A desktop of someone who sees badly."""
+    before = qapp.font()
+    letters = qapp.font()
+    letters.setPointSize(3 * before.pointSize())
+    qapp.setFont(letters)
+    yield
+    qapp.setFont(before)
+
+
+@pytest.mark.usefixtures("large_letters")
 def test_with_large_letters_the_help_stays_on_the_screen_and_scrolls(panel, qtbot):
-    letters = panel.font()
-    letters.setPointSize(3 * letters.pointSize())
-    panel.setFont(letters)
     panel.action("help").trigger()
     keys = panel._keys
     room = keys.screen().availableSize()
