@@ -57,18 +57,17 @@ class TrigpointPlugin:
             self.iface.addPluginToMenu(MENU, action)
         self._options = OptionsFactory(self.environment_changed)
         self.iface.registerOptionsWidgetFactory(self._options)
-        QCoreApplication.instance().aboutToQuit.connect(self._quit)
 
     def unload(self) -> None:
-        """Take everything away."""
+        """Take everything away; QGIS asks for that too where it quits."""
         self.close_panel()
+        _end_threads()
         if self.provider is not None:
             QgsApplication.processingRegistry().removeProvider(self.provider)
             self.provider = None
         if self._options is not None:
             self.iface.unregisterOptionsWidgetFactory(self._options)
             self._options = None
-            QCoreApplication.instance().aboutToQuit.disconnect(self._quit)
         if self.action is not None:
             self.iface.removeToolBarIcon(self.action)
         for action in self._actions:
@@ -111,17 +110,6 @@ class TrigpointPlugin:
         if self.dock is not None:
             self.dock.look_again()
 
-    def _quit(self) -> None:
-        """Close the dock, and let the threads of QGIS's tasks end while what they use is there.
-
-        A thread that has asked for a password store, as that of QGIS's news feed has, closes it
-        when it ends. QGIS deletes the store first, and the threads that our jobs have kept from
-        ending earlier would then take it down (3.40).
-        """
-        self.close_panel()
-        for pool in QgsApplication.taskManager().findChildren(QThreadPool):
-            pool.waitForDone(PATIENCE_MS)
-
     def _attach(self) -> str:
         """Let the packages beside QGIS be imported; return why not, if not."""
         chosen = str(QgsSettings().value("trigpoint/python_env", "") or "")
@@ -147,3 +135,14 @@ class TrigpointPlugin:
 
     def _tr(self, text: str) -> str:
         return QCoreApplication.translate("Trigpoint", text)
+
+
+def _end_threads() -> None:
+    """Let the threads of QGIS's tasks end while what they use is there.
+
+    A thread that has asked for a password store, as that of QGIS's news feed has, closes it when it
+    ends. Where QGIS quits it deletes the store first, and the idle threads that our jobs have kept
+    from ending earlier would then take it down (3.40).
+    """
+    for pool in QgsApplication.taskManager().findChildren(QThreadPool):
+        pool.waitForDone(PATIENCE_MS)
