@@ -106,10 +106,40 @@ def test_the_verdict_its_criteria_and_doubts_are_told(make_evidence, revised):
         results["warnings"].append({"code": "picks_few", "message": "Three."})
 
     label = "Criterion: RMSE at the control picks, 3D (m)"
-    assert rows_of(revised(change, before)) == [
+    assert rows_of(revised(change, before)[1:]) == [
         ("Verdict", "", "PASS", "FAIL"),
         ("In doubt", "", "vertical_datum_unknown", "vertical_datum_unknown, picks_few"),
         (label, "nerf", "max 0.15: 0.137, met", "max 0.1: 0.137, not met"),
+    ]
+
+
+@pytest.fixture
+def limited(make_evidence):
+    """Return results judged against one limit."""
+    row = {"quantity": "alignment.rmse_m", "of": "nerf", "limit": "max 0.15", "found": 0.137}
+    row |= {"margin": 0.013, "met": True, "source": ""}
+    return make_evidence("paper").results | {"criteria": [row], "verdict": "PASS"}
+
+
+def test_a_limit_that_only_moved_is_a_setting_and_no_finding(limited, revised):
+    def loosen(results):
+        results["criteria"][0] |= {"limit": "max 0.25", "margin": 0.113}
+
+    blocks = revised(loosen, limited)
+    assert rows_of(blocks[:1]) == [
+        ("Limit: RMSE at the control picks, 3D (m)", "nerf", "max 0.15", "max 0.25")
+    ]
+    assert "Findings that changed since tower-r1: none, as printed." in told(blocks)
+
+
+def test_a_limit_that_was_added_or_taken_away_is_a_setting(limited, revised):
+    def swap(results):
+        results["criteria"][0] |= {"quantity": "loocv.rmse_m"}
+
+    label, dash = "RMSE at the control picks, 3D (m)", "\N{EN DASH}"
+    assert rows_of(revised(swap, limited)[:1]) == [
+        ("Limit: Leave-one-out RMSE, 3D (m)", "nerf", dash, "max 0.15"),
+        (f"Limit: {label}", "nerf", "max 0.15", dash),
     ]
 
 
@@ -125,7 +155,7 @@ def test_criteria_of_one_quantity_are_kept_apart_by_what_they_are_about(make_evi
         del results["criteria"][0]
 
     label = "Criterion: RMSE at the control picks, 3D (m)"
-    assert rows_of(revised(change, before)) == [
+    assert rows_of(revised(change, before)[1:]) == [
         (label, "nerf", "max 0.15: 0.137, met", "\N{EN DASH}")
     ]
 
@@ -203,8 +233,8 @@ def test_the_versions_that_made_the_report_are_told_from_the_lock(make_evidence)
 def second(make_evidence):
     """Return revision 2, and revision 1 as `change` makes it, told against each other."""
 
-    def make(change):
-        evidence = make_evidence("paper")
+    def make(change, case="paper"):
+        evidence = make_evidence(case)
         before = copy.deepcopy(evidence.results)
         change(before)
         evidence.results["project"]["revision"] = 2
@@ -237,6 +267,33 @@ def test_the_first_page_names_what_it_replaces_and_the_verdict_of_that(second):
     assert first_page_rows(evidence)["Replaces"].startswith("not known")
     evidence.results["project"]["revision"] = 1
     assert "Replaces" not in first_page_rows(evidence)
+
+
+@pytest.mark.parametrize(
+    ("change", "ends"),
+    [
+        (lambda rows: rows[0].update(limit="max 0.1"), "FAIL; 1 limit changed since"),
+        (lambda rows: rows.clear(), "FAIL; 1 limit changed since"),
+        (lambda rows: rows.append(rows[0] | {"of": "sfm"}), "FAIL; 1 limit changed since"),
+        (lambda rows: rows.insert(0, rows[0] | {"source": "4.1"}), "FAIL; 1 limit changed since"),
+        (lambda rows: rows[0].update(limit="min 0.1"), "FAIL; 2 limits changed since"),
+        (lambda rows: rows[0].update(found=0.2, met=False), "FAIL"),
+    ],
+)
+def test_the_first_page_says_that_limits_changed_and_the_verifier_asks_for_it(
+    change, ends, limited, second
+):
+    def earlier(results):
+        results["verdict"] = "FAIL"
+        results["criteria"] = copy.deepcopy(limited["criteria"])
+        change(results["criteria"])
+
+    evidence, _ = second(earlier, limited)
+    assert first_page_rows(evidence)["Replaces"] == f"revision 1, draft, {ends}"
+    assert checked(evidence) == []
+    page = evidence.folder / "report.html"
+    page.write_text(page.read_text("utf-8").replace(" changed since", ""), "utf-8")
+    assert checked(evidence) == ["report.html says what it replaces"] * (";" in ends)
 
 
 def checked(evidence):

@@ -54,7 +54,7 @@ def changes(evidence: Evidence) -> list[Block]:
     if not rows:
         return [Passage((f"Nothing differs from {against}.",))]
     before, after = leaves_before(evidence.results, rows), leaves(evidence.results)
-    went_in = [*_inputs(before, after), *_settings(before, after)]
+    went_in = [*_inputs(before, after), *_limits(before, after), *_settings(before, after)]
     came_out = [
         *_verdict(before, after),
         *_criteria(before, after),
@@ -75,7 +75,11 @@ def changes(evidence: Evidence) -> list[Block]:
 
 
 def replaced(evidence: Evidence) -> str:
-    """Say which revision this one replaces, with its status and verdict; nothing of a first."""
+    """Say which revision this one replaces, its status and verdict, and if limits have changed.
+
+    A verdict can turn because a limit did: who reads the two verdicts has to know. Of a first
+    revision nothing is said.
+    """
     about = evidence.results["project"]
     path = evidence.folder / "data" / "changes.json"
     if about["revision"] <= 1:
@@ -85,7 +89,9 @@ def replaced(evidence: Evidence) -> str:
         return "not known: no earlier revision lay beside this one"
     before = leaves_before(evidence.results, stored["changes"])
     status = before.get("project.status", NONE)
-    return f"revision {before.get('project.revision', NONE)}, {status}, {_word(before)}"
+    told = f"revision {before.get('project.revision', NONE)}, {status}, {_word(before)}"
+    moved = sum(1 for _ in _limits(before, leaves(evidence.results)))
+    return told + (f"; {number_text(moved)} limit{'s' * (moved > 1)} changed since" * bool(moved))
 
 
 def _shown(caption: str, rows: list[Row]) -> Iterator[Block]:
@@ -116,6 +122,14 @@ def _files(found: Leaves) -> dict[tuple[str, str, int], str]:
         sha = str(row.get("sha256", digest))
         told[row["name"], row["role"], number] = f"{said}, SHA-256 {sha[:16]}…"
     return told
+
+
+def _limits(before: Leaves, after: Leaves) -> Iterator[Row]:
+    old, new = _judged(before), _judged(after)
+    for key in dict.fromkeys([*new, *old]):
+        was, now = (found[key][0] if key in found else NONE for found in (old, new))
+        if was != now:
+            yield f"Limit: {quantity_label(key[1])}", key[0], was, now
 
 
 def _settings(before: Leaves, after: Leaves) -> Iterator[Row]:
@@ -155,20 +169,22 @@ def _doubts(found: Leaves) -> str:
 def _criteria(before: Leaves, after: Leaves) -> Iterator[Row]:
     old, new = _judged(before), _judged(after)
     for key in dict.fromkeys([*new, *old]):
-        was, now = old.get(key, NONE), new.get(key, NONE)
-        if was != now:
+        # That only the limit moved is no finding: what was found of it is as it was.
+        if key not in old or key not in new or old[key][1] != new[key][1]:
+            was, now = (": ".join(found.get(key, (NONE,))) for found in (old, new))
             yield f"Criterion: {quantity_label(key[1])}", key[0], was, now
 
 
-def _judged(found: Leaves) -> dict[tuple[str, str, str], str]:
-    """Return limit, finding and verdict of each criterion, by what it is about and which way."""
-    told = {}
+def _judged(found: Leaves) -> dict[tuple[str, str, str, int], tuple[str, str]]:
+    """Return limit and finding of each criterion, by what it is about, which way, and which one."""
+    told: dict[tuple[str, str, str, int], tuple[str, str]] = {}
     for label, row in _rows(found, "criteria").items():
         quantity = str(row.get("quantity", label))
         value = _told(f"reconstructions.{row['of']}.{quantity}", row["found"])
         met = "met" if row["met"] else "not met"
         way = str(row["limit"]).partition(" ")[0]
-        told[row["of"], quantity, way] = f"{row['limit']}: {value}, {met}"
+        place = row["of"], quantity, way
+        told[*place, sum(each[:3] == place for each in told)] = str(row["limit"]), f"{value}, {met}"
     return told
 
 

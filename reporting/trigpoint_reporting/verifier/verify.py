@@ -1257,14 +1257,32 @@ def replaced(changes: Json, results: Json) -> str:
     """Say what the report has to say of the revision that this one replaces."""
     if changes["against"] is None:
         return "not known: no earlier revision lay beside this one"
-    about = results["project"]
-    now = {
-        "project.revision": about["revision"],
-        "project.status": about["status"],
-        "verdict": results["verdict"],
-    }
-    was = now | {row["path"]: row["before"] for row in changes["changes"] if row["path"] in now}
-    return f"revision {was['project.revision']}, {was['project.status']}, {was['verdict']}"
+    after = dict(leaves(results))
+    before = after | {row["path"]: row["before"] for row in changes["changes"]}
+    for row in changes["changes"]:
+        if row["kind"] == "added":
+            del before[row["path"]]
+    status, verdict = before["project.status"], before["verdict"]
+    told = f"revision {before['project.revision']}, {status}, {verdict}"
+    old, new = limits(before), limits(after)
+    moved = sum(old.get(key) != new.get(key) for key in old | new)
+    if moved:
+        told += f"; {moved:,} limit{'s' if moved > 1 else ''} changed since"
+    return told
+
+
+def limits(found: dict[str, Any]) -> dict[tuple[str, str, str, int], str]:
+    """Return the limits among the values of results by path."""
+    rows: dict[str, Json] = {}
+    for path, value in found.items():
+        if path.startswith("criteria["):
+            label, _, key = path[len("criteria[") :].rpartition("].")
+            rows.setdefault(label, {})[key] = value
+    told: dict[tuple[str, str, str, int], str] = {}
+    for label, row in rows.items():
+        place = row["of"], row.get("quantity", label), row["limit"].split(" ")[0]
+        told[*place, sum(each[:3] == place for each in told)] = row["limit"]
+    return told
 
 
 def check_changes(report: Report, folder: Path, results: Json) -> None:
