@@ -240,7 +240,7 @@ def compare(
     if as_json:
         _print_json(results)
     else:
-        people.show_icp(_people(), results["icp"])
+        people.show_icp(_people(), {"alignment": None, "checks": None, "icp": results["icp"]})
         people.show_comparison(_people(), results, title=" after ICP" if icp else "")
         people.show_warnings(_people(), results["warnings"])
 

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trigpoint_reporting.terminal import show_pairs, show_table
+from trigpoint_reporting.wording import verdict_of_icp
 
 Results = Mapping[str, Any]
 Say = Callable[[str], None]
@@ -183,8 +184,12 @@ def _sigmas(reliability: Results) -> Iterator[tuple[str, str, str]]:
         yield "sigma of position", f"{metres} m", "E, N, h at the picks' centroid"
 
 
-def show_icp(console: Console, icp: Results | None, *, name: str = "") -> None:
-    """Print ICP as the hypothesis it is: the rule first, then the numbers."""
+def show_icp(console: Console, found: Results, *, name: str = "") -> None:
+    """Print ICP as the hypothesis it is: what came of it as the report says it, then the numbers.
+
+    With the name of a reconstruction it is of an audit, which delivers the cloud without it.
+    """
+    icp = found["icp"]
     if icp is None:
         return
     rows = []
@@ -197,17 +202,14 @@ def show_icp(console: Console, icp: Results | None, *, name: str = "") -> None:
         before, after = icp[f"{key}_before_m"], icp[f"{key}_after_m"]
         if before is not None:
             rows.append((label, number(before), number(after)))
-    verdict = {True: "retained", False: "not retained", None: "not judged: no picks"}[
-        icp["retained"]
-    ]
     show_table(
         console,
-        f"Rigid ICP{' of ' + name if name else ''}: {verdict}",
+        f"Rigid ICP{' of ' + name if name else ''}: {verdict_of_icp(found).removesuffix('.')}",
         ("", "before m", "after m"),
         rows,
         note=f"{icp['rule']} It moved the centroid by {number(icp['shift_m'])} m and turned by "
         f"{icp['rotation_deg']:.4f} deg in {icp['iterations']} iterations, "
-        f"{number(icp['overlap_pct'], 1)} % overlap.",
+        f"{number(icp['overlap_pct'], 1)} % overlap." + (" It is not delivered." if name else ""),
     )
 
 
@@ -297,7 +299,7 @@ def show_audit(console: Console, results: Results, folder: str) -> None:
     for name, each in results["reconstructions"].items():
         if each["alignment"] is not None:
             show_alignment(console, each, name=name)
-        show_icp(console, each["icp"], name=name)
+        show_icp(console, each, name=name)
         delivered, after = each["comparison"]["delivered"], each["comparison"]["after_icp"]
         show_comparison(console, delivered, title=f" of {name}, as delivered")
         if after is not None:

@@ -183,6 +183,20 @@ def held_out_of_icp(found: Numbers | Mapping[str, Any]) -> HeldOut | None:
     return None
 
 
+def verdict_of_icp(found: Numbers | Mapping[str, Any]) -> str:
+    """Say what came of ICP in a sentence, the same on the first page and at a terminal."""
+    icp = found["icp"]
+    if icp["check_rmse_before_m"] is None and icp["loocv_rmse_before_m"] is None:
+        return "ICP is not judged."
+    # Retained is the hypothesis: what is delivered, and what is told here, is the fit.
+    if not icp["retained"]:
+        return "ICP is not retained."
+    asked = held_out_of_icp(found)
+    if asked is None or asked.shows:
+        return "ICP, not delivered, lowers the held-out error."
+    return f"{number_text(asked.n)} {picks(asked.n)} can't tell whether ICP helps."
+
+
 def folds_of_icp(found: Numbers | Mapping[str, Any]) -> int:
     """Return how many of the picks used the trial of ICP leaves out in turn."""
     return 0 if found["alignment"] is None else min(found["alignment"]["n"], MOST_FOLDS)
@@ -260,18 +274,8 @@ def _held_out(found: Numbers) -> Iterator[Cell]:
 
 
 def _icp(found: Numbers) -> Iterator[Cell]:
-    if found["icp"] is None:
-        return
-    # Retained is the hypothesis: what is delivered, and what is told here, is the fit.
-    if not found["icp"]["retained"]:
-        yield "ICP is not retained. "
-        return
-    asked = held_out_of_icp(found)
-    yield (
-        "ICP, not delivered, lowers the held-out error. "
-        if asked is None or asked.shows
-        else f"{number_text(asked.n)} {picks(asked.n)} can't tell whether ICP helps. "
-    )
+    if found["icp"] is not None:
+        yield f"{verdict_of_icp(found)} "
 
 
 def _distances(found: Numbers) -> Iterator[Cell]:

@@ -1,5 +1,9 @@
-import pytest
+import io
 
+import pytest
+from rich.console import Console
+
+from trigpoint_reporting import console as people
 from trigpoint_reporting import wording
 from trigpoint_reporting.render import to_text
 
@@ -44,6 +48,25 @@ def test_icp_that_is_retained_is_said_not_to_be_delivered(make_evidence):
     told = to_text(wording.result(evidence, "nerf"))
     assert "ICP, not delivered, lowers the held-out error." in told
     assert len(told.split()) <= 90
+
+
+def test_the_terminal_says_of_icp_what_the_report_says(make_evidence):
+    found = make_evidence("full").results["reconstructions"]["nerf"]
+
+    def told(name="nerf", **icp):
+        console = Console(file=io.StringIO(), width=200)
+        people.show_icp(console, found | {"icp": found["icp"] | icp}, name=name)
+        return " ".join(console.file.getvalue().split())
+
+    few = {"retained": True, "check_rmse_before_m": 0.174, "check_rmse_after_m": 0.173}
+    assert "Rigid ICP of nerf: 4 picks can't tell whether ICP helps before m" in told(**few)
+    assert "It is not delivered." in told(**few)
+    many = "ICP, not delivered, lowers the held-out error before m"
+    assert many in told(**few | {"check_rmse_after_m": 0.05})
+    assert "Rigid ICP of nerf: ICP is not retained before m" in told(**few | {"retained": False})
+    none = dict.fromkeys(("check_rmse_before_m", "loocv_rmse_before_m"))
+    assert "Rigid ICP: ICP is not judged before m" in told("", retained=False, **none)
+    assert "delivered" not in told("", retained=False, **none)
 
 
 def test_a_change_by_icp_that_so_few_picks_cannot_show_is_said_to_be_one(make_evidence):
