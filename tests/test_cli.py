@@ -57,6 +57,17 @@ def test_no_command_shows_the_commands(run):
         assert "..." not in told[0][0]
 
 
+@pytest.mark.parametrize(
+    ("command", "first"), [("audit", "no limit is missed"), ("verify", "everything holds")]
+)
+def test_the_help_says_what_an_exit_code_means(run, command, first):
+    code, out, _ = run(command, "--help")
+    said = " ".join(out.split())
+    assert code == 0
+    assert f"Exit code 0: {first}. 1: " in said
+    assert "2: it could not be done." in said
+
+
 def test_new_lays_out_a_project_that_can_be_read(run, tmp_path):
     code, out, _ = run("new", tmp_path / "site")
     assert code == 0

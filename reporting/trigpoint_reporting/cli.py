@@ -300,7 +300,10 @@ def audit(
     out: Annotated[Path | None, typer.Option(help="Folder of the bundles.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run whole projects, each ending in a bundle with its report."""
+    """Run whole projects, each ending in a bundle with its report.
+
+    Exit code 0: no limit is missed. 1: one is. 2: it could not be done.
+    """
     raise typer.Exit(_audit(projects, out, as_json))
 
 
@@ -311,7 +314,10 @@ def verify(
     again: Annotated[bool, typer.Option("--again", help="Run the audit again from them.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Verify a bundle: recompute, compare, name what differs."""
+    """Verify a bundle: recompute, compare, name what differs.
+
+    Exit code 0: everything holds. 1: something differs. 2: it could not be done.
+    """
     with _progress() as say:
         found = verify_bundle(bundle, inputs=inputs, again=again, say=say)
     if as_json:
