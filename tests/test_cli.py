@@ -297,7 +297,8 @@ def test_audit_prints_its_results_and_where_they_lie(run, small):
     (pair,) = json.loads(stored.read_text("utf-8"))["paired"]["delivered"]
     assert "nothing is said within 0.05, 0.1 and 0.2 m, not above the voxel" in pair["statement"]
     assert f"As delivered: {pair['statement']}" in out.replace("\n", " ")
-    assert str(small / "audit" / "small-r1") in out.replace("\n", "")
+    page = str(small / "audit" / "small-r1" / "report.html")
+    assert out.replace("\n", "").endswith(f"Result: {page}")
     assert "putting rigid ICP on trial" in err
 
 

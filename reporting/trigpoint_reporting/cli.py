@@ -341,7 +341,8 @@ def _audit(paths: list[Path], out: Path | None, as_json: bool) -> int:
             found = deliver(project, out, say=say)
         done.append(found)
         if not as_json:
-            people.show_audit(_people(), found.results, str(found.folder))
+            page = found.folder / "report.html"
+            people.show_audit(_people(), found.results, page if page.is_file() else found.folder)
         people.show_warnings(Console(stderr=True), warning_results(found.cautions))
     folders = [found.folder for found in done]
     if len(folders) > 1 and len({folder.parent for folder in folders}) == 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -294,7 +295,7 @@ def show_info(console: Console, info: Results) -> None:
     show_warnings(console, info["warnings"])
 
 
-def show_audit(console: Console, results: Results, folder: str) -> None:
+def show_audit(console: Console, results: Results, written: Path) -> None:
     """Print a whole audit: every reconstruction, the limits, the verdict, and where it lies."""
     for name, each in results["reconstructions"].items():
         if each["alignment"] is not None:
@@ -326,7 +327,7 @@ def show_audit(console: Console, results: Results, folder: str) -> None:
         )
     show_warnings(console, results["warnings"])
     console.print(Text(f"Verdict: {results['verdict']}", style="bold"))
-    console.print(Text(f"Result: {folder}"))
+    console.print(Text(f"Result: {written}"))
 
 
 def _told(value: Any) -> str:
