@@ -207,7 +207,8 @@ def test_no_number_is_shortened_on_a_narrow_terminal(run, small, monkeypatch, co
         assert sum(line.split()[:1] == [pick["id"]] for line in out.splitlines()) >= 1
 
 
-def test_of_many_picks_the_worst_are_printed_and_where_all_are(run, tmp_path, capsys):
+def test_of_many_picks_the_worst_are_printed_and_where_all_are(run, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")  # no line of it is to be broken
     rng = np.random.default_rng(5)
     source = rng.uniform(0, 20, (1240, 3))
     roles = ["control"] * 1180 + ["check"] * 60
@@ -289,7 +290,8 @@ def test_apply_there_and_back_is_the_same_cloud(run, small, tmp_path):
     np.testing.assert_array_equal(other.attributes["red"], one.attributes["red"])
 
 
-def test_audit_prints_its_results_and_where_they_lie(run, small):
+def test_audit_prints_its_results_and_where_they_lie(run, small, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     code, out, err = run("audit", small / "project.toml")
     assert code == 0
     assert "Verdict: NOT TESTED" in out
